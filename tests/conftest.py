@@ -51,6 +51,29 @@ def modal_engine(monkeypatch):
     monkeypatch.setattr("vibroimpact.backends.one_mass.is_one_mass", lambda cells: np.zeros(len(cells), bool))
 
 
+CODES = "engine", "engine of systems", "witness"
+
+
+@pytest.fixture(params=CODES)
+def way(request):
+    """Return each code that follows oscillators."""
+    from codes import Way
+
+    if request.param == "engine of systems":
+        request.getfixturevalue("modal_engine")
+    return Way(request.param)
+
+
+@pytest.fixture(params=CODES)
+def code(request):
+    """Return each code that follows systems; the engine as it comes takes that of one mass where a system is one."""
+    from codes import Engine, Witness
+
+    if request.param == "engine of systems":
+        request.getfixturevalue("modal_engine")
+    return Witness() if request.param == "witness" else Engine()
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with what is long, so that two workers end together; the first cases of some tests are not."""
@@ -84,3 +107,14 @@ def run(tmp_path, monkeypatch, capsys):
         return code, told.out.splitlines(), told.err.splitlines()
 
     return ran
+
+
+@pytest.fixture
+def shown():
+    """Return the functions of figures; each figure is closed after its test."""
+    import matplotlib.pyplot as plt
+
+    import vibroimpact as vi
+
+    yield vi.plotting
+    plt.close("all")

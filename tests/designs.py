@@ -2,7 +2,11 @@
 
 import math
 
+import mpmath as mp
+
 import vibroimpact as vi
+from oracles.cycles import one_impact
+from oracles.motion import Oscillator
 
 # Chaotic over 5,100 impacts, before they end in the motion named.
 TRANSIENTS = {
@@ -60,3 +64,10 @@ def random_oscillator(random):
         restitution=random.uniform(0.6, 0.98),
         gap=random.uniform(-0.9, 2.5),
     )
+
+
+def orbit_of_one_impact(osc, n=1):
+    """Return the state just before the impact of the period-n impact-1 orbit at gap 0, stable or not."""
+    numbers = osc.mass, osc.damping, osc.stiffness, osc.amplitude, osc.omega, osc.restitution
+    v, phase = one_impact(Oscillator(*map(mp.mpf, numbers)), n)
+    return vi.State(0.0, float(v), float(phase) * osc.period)

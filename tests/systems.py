@@ -123,6 +123,55 @@ def impacts(model, sample, transient=0, **how):
     return vi.impact_section(model, transient_impacts=transient, sample_impacts=sample, **how)
 
 
+def drawn(rng, of_any_kind=False):
+    """Return a random system of one to four coordinates and one to three stops, and a state in front of the rigid ones.
+
+    Stops are rigid, and all but the first may move; or of any kind, and the first one is compliant.
+    """
+    n, s = int(rng.integers(1, 5)), int(rng.integers(1, 4))
+
+    def positive(least):
+        root = rng.normal(size=(n, n))
+        return root @ root.T / n + least * np.eye(n)
+
+    mass, stiffness = positive(0.5), positive(0.2)
+    if rng.random() < 0.25:
+        free = rng.normal(size=n)
+        keeps = np.eye(n) - np.outer(free, free) / (free @ free)
+        stiffness = keeps @ stiffness @ keeps
+    damping = 0.05 * positive(0.1) if rng.random() < 0.5 else 0.03 * mass + 0.02 * stiffness
+    stops = [(a_random_stop if of_any_kind else a_rigid_stop)(rng, j, mass) for j in range(s)]
+    force = {1: rng.normal(size=n) + 1j * rng.normal(size=n), 3: 0.5 * rng.normal(size=n)}
+    model = system(mass, damping, (stiffness + stiffness.T) / 2, rng.uniform(0.3, 2.0), stops, force)
+    rigid = [j for j, stop in enumerate(stops) if not stop.compliant]
+    for _ in range(1000):
+        q = 0.3 * rng.normal(size=n)
+        if model.clearances(q)[rigid].min(initial=1.0) > 0.05:
+            return model, q, rng.normal(size=n)
+    return drawn(rng, of_any_kind)  # its stops leave too little room
+
+
+def a_rigid_stop(rng, number, mass):
+    """Return a rigid stop in any direction; every second one moves, but for that of number 0."""
+    direction, gap = rng.normal(size=len(mass)), rng.uniform(0, 0.5)
+    ratio = rng.choice([0.0, rng.uniform(0.1, 0.9)])
+    moves = {2: 0.1 * complex(*rng.normal(size=2))} if number and rng.random() < 0.5 else {}
+    return vi.Stop(direction=direction, gap=gap, restitution=ratio, motion=moves)
+
+
+def a_random_stop(rng, number, mass):
+    """Return a stop in any direction, rigid or, as that of number 0 is, from soft to stiff for what strikes it."""
+    direction = rng.normal(size=len(mass))
+    struck = 1.0 / (direction @ np.linalg.solve(mass, direction))
+    k = struck * 10 ** rng.uniform(0, 5)
+    soft = {"stiffness": k, "damping": rng.choice([0.0, 2.0 * rng.uniform(0, 1.2)]) * np.sqrt(k * struck)}
+    rigid = {"restitution": rng.choice([0.0, rng.uniform(0.1, 0.9)])}
+    moves = {2: 0.1 * complex(*rng.normal(size=2))} if rng.random() < 0.3 else {}
+    kind = soft if number == 0 or rng.random() < 0.5 else rigid
+    gap = rng.uniform(-0.1 if k < 100 * struck and kind is soft else 0.0, 0.5)
+    return vi.Stop(direction=direction, gap=gap, motion=moves, **kind)
+
+
 def linear(model):
     """Return a system as the witness takes it."""
     load = np.zeros(len(model.mass)) if model.force.constant is None else model.force.constant
@@ -256,3 +305,42 @@ def beside_its_centre(model):
     stops = [stop.replace(direction=stop.direction @ basis) for stop in model.stops]
     load = {order: force @ basis for order, force in model.force.harmonics.items()}
     return system(mass, damping, between, model.omega, stops, load, constant), len(rows) - rank
+
+
+def chain(**changes):
+    """Return three masses on springs, driven at one end, the other one before a stop."""
+    K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+    given = {
+        "mass": np.eye(3),
+        "damping": 0.02 * K,
+        "stiffness": K,
+        "force": vi.Force(omega=0.9, harmonics={1: [1.0, 0.0, 0.0]}),
+        "stops": [vi.Stop(direction=[0, 0, 1], gap=0.5, restitution=0.7)],
+    }
+    return vi.ImpactSystem(**given | changes)
+
+
+def between_stops(omega):
+    """Return two masses, the second one between two stops; their symmetric motion loses its stability below 0.967."""
+    K = np.array([[2.9, -1.6], [-1.6, 1.6]])
+    return vi.ImpactSystem(
+        mass=np.diag([1.1, 0.8]),
+        damping=0.017 * K,
+        stiffness=K,
+        force=vi.Force(omega=omega, harmonics={1: [1.0, 0.0]}),
+        stops=[vi.Stop(direction=[0.0, side], gap=0.7, restitution=0.81) for side in (1.0, -1.0)],
+    )
+
+
+def sticking():
+    """Return two coupled masses, one of which comes to rest at a stop: the other remembers."""
+    return vi.ImpactSystem(
+        mass=np.eye(2),
+        damping=[[0.05, -0.02], [-0.02, 0.05]],
+        stiffness=[[2.0, -1.0], [-1.0, 2.0]],
+        force=vi.Force(omega=0.4, harmonics={1: [1.0, -0.8j]}),
+        stops=[
+            vi.Stop(direction=[1, 0], gap=0.0, restitution=0.0),
+            vi.Stop(direction=[0, 1], gap=0.3, restitution=0.6),
+        ],
+    )

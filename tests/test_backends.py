@@ -1,8 +1,6 @@
 """The contract every back end keeps: shapes, labels, statuses, starts, samples."""
 
-import os
-import subprocess
-import sys
+import math
 
 import numpy as np
 import pytest
@@ -103,6 +101,25 @@ def test_diagrams_have_the_same_shape_from_every_back_end(backend, section):
     assert diagram["count"].values.tolist() == [3, 3]
 
 
+def test_a_start_whole_periods_later_gives_the_same_motion_bit_for_bit(exact):
+    osc, window = vi.ImpactOscillator(omega=2 * math.pi * 0.45), Measurement(ImpactWindow(5, 30))
+    cells = make_cells(osc, vi.State(-1.0))
+    (now,), (later,) = (get_backend(exact).samples(cells.replace(periods=at), window) for at in (0.0, 1e6))
+    assert (later.impact_velocity == now.impact_velocity).all()
+    assert (later.impact_phase == now.impact_phase).all()
+    assert (later.impact_periods == now.impact_periods + 1e6).all()
+
+
+def test_a_window_carries_on_where_the_one_before_it_ended(exact):
+    cells, engine = make_cells(vi.ImpactOscillator(omega=2.8)), get_backend(exact)
+    (whole,), (first,) = (engine.samples(cells, Measurement(ImpactWindow(0, keep))) for keep in (12, 5))
+    names = ("clearance", "velocity", "periods", "phase")
+    rest = cells.replace(**{name: getattr(first, f"last_{name}") for name in names})
+    (after,) = engine.samples(rest, Measurement(ImpactWindow(0, 7)))
+    known = whole.impact_velocity[5:]
+    assert after.impact_velocity == pytest.approx(known, rel=0.0 if exact == "reference" else 1e-9, abs=0.0)
+
+
 @pytest.mark.parametrize(
     ("parameters", "start", "expected"),
     [
@@ -157,6 +174,11 @@ def test_an_unknown_back_end_is_told():
         get_backend("cpuu")
 
 
+def test_an_index_that_a_back_end_cannot_tell_is_refused():
+    with pytest.raises(ValueError, match="'fixed-step' does not give the index 'lyapunov', only std"):
+        vi.parameter_map(OSC, omega=[2.0], indices=["lyapunov"], backend="fixed-step")
+
+
 def test_a_time_step_is_for_the_fixed_step_scheme_alone():
     with pytest.raises(ValueError, match="`time_step` goes with back end 'fixed-step' only"):
         vi.simulate(OSC, backend="cpu", time_step=0.001)
@@ -164,26 +186,3 @@ def test_a_time_step_is_for_the_fixed_step_scheme_alone():
 
 def test_the_columns_of_cells_are_those_that_kernels_read():
     assert make_cells(OSC, None).columns == Cell._fields
-
-
-FIGURES = """
-import numpy as np, vibroimpact as vi
-osc = vi.ImpactOscillator(restitution=0.7)
-figures = vi.parameter_map(osc, omega=np.linspace(0.1, 5.0, 40), indices=["std", "lyapunov"], sample_impacts=200)
-columns = [vi.impact_section(osc).velocity, *figures.data_vars.values()]
-print(*(column.values.tobytes().hex() for column in columns))
-"""
-
-
-@pytest.mark.long
-def test_a_processor_without_a_name_finds_the_same_bits(tmp_path):
-    # Without a name of the processor lanes are compared as LLVM sees fit, not by instructions of AVX.
-    plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path)}
-    named, nameless = (
-        subprocess.run(
-            [sys.executable, "-c", FIGURES], env={**os.environ, **extra}, capture_output=True, text=True, check=True
-        ).stdout
-        for extra in ({}, plain)
-    )
-    assert len(named) > 4000
-    assert named == nameless

@@ -13,7 +13,6 @@ from vibroimpact.continuation import (
     continue_orbit,
     switch_branch,
 )
-from vibroimpact.continuation.sticking import sticking_curve
 from vibroimpact.files import load, save
 from vibroimpact.orbits import find_orbit
 from vibroimpact.orbits.sticking import end_of_sticking
@@ -326,7 +325,7 @@ def test_an_identity_family_has_the_oscillators_own_curves():
 def test_ends_of_sticking_are_followed_along_a_familys_parameters():
     ends = [end_of_sticking(model, "omega", (0.3, 0.4)) for model in (vi.ImpactOscillator(), identity)]
     assert ends[0].value == ends[1].value
-    own, tied = (sticking_curve(end, ("omega", "mass"), ((0.3, 0.4), (0.8, 1.2)), longest=0.2) for end in ends)
+    own, tied = (continue_boundary(end, ("omega", "mass"), ((0.3, 0.4), (0.8, 1.2))) for end in ends)
     np.testing.assert_array_equal(own.values, tied.values)
 
 

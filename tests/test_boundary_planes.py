@@ -7,10 +7,10 @@ import pytest
 from scipy.spatial import cKDTree
 
 import vibroimpact as vi
-from vibroimpact.continuation import boundary_curves, continue_orbit
+from vibroimpact.continuation import boundary_curves, continue_boundary, continue_orbit
 from vibroimpact.continuation.lines import plain
 from vibroimpact.continuation.results import BifurcationPoint
-from vibroimpact.continuation.sticking import _Plane, sticking_curve
+from vibroimpact.continuation.sticking import Sticking
 from vibroimpact.dataset import bundle
 from vibroimpact.orbits import find_orbit
 from vibroimpact.orbits.equations import parameters_of
@@ -159,9 +159,9 @@ def test_an_island_of_sticking_has_a_closed_curve(monkeypatch):
         inside = 0.1 - math.dist(at, (0.1, 0.0))
         return inside ** scaling_exponent(OSC.restitution) if inside >= 0.0 else math.nan
 
-    monkeypatch.setattr(_Plane, "stuck", in_a_disc)
+    monkeypatch.setattr(Sticking, "stuck", in_a_disc)
     point = end_of_sticking(OSC, "omega", (0.3, 0.4))
-    curve = sticking_curve(point, ("omega", "mass"), ((0.2, 0.6), (0.5, 1.5)))
+    curve = continue_boundary(point, ("omega", "mass"), ((0.2, 0.6), (0.5, 1.5)))
     assert curve.outcome == ("closed", "closed")
     np.testing.assert_array_equal(curve.values[0], curve.values[-1])
     unit = (curve.values - (point.value, 1.0)) / (0.4, 1.0)

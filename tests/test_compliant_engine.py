@@ -25,73 +25,6 @@ def section(system, **how):
     return vi.impact_section(system, **(FEW | how))
 
 
-def kelvin_voigt(z, rate):
-    """Restitution and duration of a contact let go where its force is zero (SYSTEMS.md)."""
-    damped = rate * math.sqrt(1.0 - z * z)
-    duration = (math.pi - math.atan2(2.0 * z * math.sqrt(1.0 - z * z), 1.0 - 2.0 * z * z)) / damped
-    return math.exp(-z * rate * duration), duration
-
-
-@pytest.mark.parametrize(("k", "rounding"), [(3.0, 1e-14), (1e2, 1e-14), (1e5, 1e-13), (1e9, 1e-11)])
-@pytest.mark.parametrize("z", [0.0, 0.05, 0.2, 0.7, 0.95])
-def test_a_free_mass_rebounds_as_kelvin_and_voigt_say(z, k, rounding):
-    mass = 2.5
-    stop = spring(k, 2.0 * z * math.sqrt(k * mass), gap=0.5)
-    back = vi.Stop(direction=-1.0, gap=0.5, restitution=1.0, name="back")
-    system = oscillator(stop, back, mass=mass, stiffness=0.0, damping=0.0, force=0.0)
-    seen = section(system, start=vi.State(0.0, 1.0), sample_impacts=3)
-    r, duration = kelvin_voigt(z, math.sqrt(k / mass))
-    v = seen["velocity"].values
-    np.testing.assert_allclose(v[1], r, rtol=rounding)
-    np.testing.assert_allclose(seen["contact_time"][0], duration, rtol=rounding)
-    np.testing.assert_allclose(seen["impulse"][0], mass * (1.0 + r), rtol=rounding)
-    np.testing.assert_allclose(seen["energy_lost"][0], 0.5 * mass * (1.0 - r * r), rtol=10 * rounding, atol=1e-13)
-    assert seen["stop"].values.tolist() == ["stop_1", "back", "stop_1"]
-
-
-def test_the_restitution_of_twenty_percent_damping_is_the_value_of_fifty_digits():
-    seen = section(
-        oscillator(spring(1.0, 0.4, gap=0.0), spring(1.0, 0.4, 1.0, -1.0), stiffness=0.0, damping=0.0, force=0.0),
-        start=vi.State(-0.5, 1.0),
-    )
-    assert seen["velocity"].values[1] == pytest.approx(0.571740027585, rel=1e-11)
-
-
-def test_an_undamped_contact_is_half_a_sine():
-    k, mass, v = 40.0, 2.5, 0.7
-    system = oscillator(spring(k, gap=0.0), mass=mass, stiffness=0.0, damping=0.0, force=0.0, constant=0.0)
-    seen = vi.simulate(system, start=vi.State(-1.0, v), periods=1.0)
-    assert float(seen["impulse"][0]) == pytest.approx(2.0 * mass * v, rel=1e-14)
-    assert float(seen["peak_force"][0]) == pytest.approx(v * math.sqrt(k * mass), rel=1e-14)
-    assert float(seen["penetration"][0]) == pytest.approx(v * math.sqrt(mass / k), rel=1e-14)
-    assert float(seen["contact_time"][0]) == pytest.approx(math.pi * math.sqrt(mass / k), rel=1e-14)
-    assert float(seen["energy_lost"][0]) == 0.0
-    assert float(seen["force"].max()) <= float(seen["peak_force"][0])
-
-
-def test_an_overdamped_contact_presses_hardest_at_the_touch_and_lets_go_pushed_in():
-    k, c, v = 1.0, 10.0, 1.0
-    system = oscillator(spring(k, c, gap=0.0), stiffness=0.0, damping=0.0, force=0.0)
-    seen = vi.simulate(system, start=vi.State(-1.0, v), periods=3.0, samples_per_period=2000)
-    fast, slow = (-c - math.sqrt(c * c - 4.0 * k)) / 2.0, (-c + math.sqrt(c * c - 4.0 * k)) / 2.0
-    # d = v (exp(slow t) - exp(fast t))/(slow - fast), and d'' = 0 where the force is zero.
-    duration = math.log((fast / slow) ** 2) / (slow - fast)
-    assert float(seen["contact_time"][0]) == pytest.approx(duration, rel=1e-12)
-    assert float(seen["peak_force"][0]) == pytest.approx(c * v, rel=1e-14)
-    after = seen["time"].values > 1.0 + duration
-    assert (seen["force"].values[after] == 0.0).all()
-    assert seen["displacement"].values[after][0] > 0.0
-
-
-def test_the_half_periods_of_a_free_bilinear_oscillator_are_those_of_its_two_springs():
-    k, extra = 2.0, 7.0
-    system = oscillator(spring(extra, gap=0.0), stiffness=k, damping=0.0, force=0.0)
-    seen = section(system, start=vi.State(-1.0, 0.0), sample_impacts=6)
-    period = math.pi / math.sqrt(k) + math.pi / math.sqrt(k + extra)
-    np.testing.assert_allclose(np.diff(seen["time"]), period, rtol=1e-14)
-    np.testing.assert_allclose(seen["velocity"], math.sqrt(k), rtol=1e-14)
-
-
 def test_unforced_motion_loses_what_dampers_and_stops_take():
     k, g = 1.7, 0.4
     stops = spring(60.0, 0.8, g), spring(30.0, 0.0, g, -1.0)
@@ -149,92 +82,6 @@ def test_the_force_of_a_rigid_stop_that_is_held_counts():
     assert float(index["mean_force"]) == pytest.approx(-mean, rel=1e-7)
 
 
-@pytest.mark.parametrize("z", [0.0, 0.1, 0.4])
-def test_the_stiffer_the_stop_the_nearer_the_motion_is_to_that_of_a_rigid_one(z):
-    def settled_speed(*stops):
-        system = oscillator(*stops, damping=0.3, omega=2.2)
-        return float(section(system, transient_impacts=400, sample_impacts=1)["velocity"][0])
-
-    rigid = settled_speed(vi.Stop(direction=1.0, gap=0.2, restitution=kelvin_voigt(z, 1.0)[0]))
-    stiff = 10.0 ** np.arange(3, 10)
-    apart = [abs(settled_speed(spring(k, 2.0 * z * math.sqrt(k), 0.2)) - rigid) for k in stiff]
-    slope = np.polyfit(np.log(stiff), np.log(apart), 1)[0]
-    assert slope < -0.45
-    assert apart[-1] < 1e-3 * rigid
-
-
-@pytest.mark.parametrize(
-    "stops",
-    [
-        (spring(80.0, 0.7, 0.1), vi.Stop(direction=-1.0, gap=0.2, restitution=0.7), spring(400.0, 0.0, 0.25, -0.5)),
-        (spring(80.0, 0.0, 0.1), spring(400.0, 0.0, 0.25, -0.5)),
-    ],
-    ids=["damper, rigid stop and spring", "two springs"],
-)
-def test_lanes_and_walk_have_the_same_bits(stops):
-    system, omegas = oscillator(*stops), np.linspace(0.5, 3.0, 37)
-    how = {"transient_impacts": 50, "sample_impacts": 60}
-    sweep = vi.parameter_map(system, omega=omegas, indices=["max_velocity", "max_force"], **how)
-    for omega, fastest, force in zip(omegas, sweep["max_velocity"].values, sweep["max_force"].values, strict=True):
-        seen = section(system.replace(omega=omega), **how)
-        assert seen["velocity"].values.max(initial=-1.0) == fastest or math.isnan(fastest)
-        assert math.isnan(force) or np.nanmax(seen["peak_force"].values[:-1]) == pytest.approx(force, rel=1e-12)
-
-
-def test_order_of_stops_and_sides_do_not_matter():
-    matrices = {"mass": [[1.0, 0.1], [0.1, 0.7]], "stiffness": [[3.0, -1.0], [-1.0, 2.0]], "damping": np.eye(2) * 0.1}
-    stops = [
-        spring(50.0, 0.5, 0.2, [1.0, 0.0], name="a"),
-        spring(70.0, 0.0, 0.3, [0.0, -1.0], name="b"),
-        vi.Stop(direction=[1.0, -1.0], gap=0.4, restitution=0.6, name="c"),
-    ]
-    force = vi.Force(omega=1.7, harmonics={1: [1.0, 0.3j]})
-    one = section(vi.ImpactSystem(**matrices, force=force, stops=stops), sample_impacts=40)
-    other = section(vi.ImpactSystem(**matrices, force=force, stops=stops[::-1]), sample_impacts=40)
-    turned = vi.ImpactSystem(
-        **matrices,
-        force=vi.Force(omega=1.7, harmonics={1: [-1.0, -0.3j]}),
-        stops=[stop.replace(direction=-stop.direction) for stop in stops],
-    )
-    mirrored = section(turned, sample_impacts=40)
-    for seen in (other, mirrored):
-        assert seen["stop"].values.tolist() == one["stop"].values.tolist()
-        np.testing.assert_allclose(seen["velocity"], one["velocity"], rtol=1e-11)
-        np.testing.assert_allclose(seen["impulse"], one["impulse"], rtol=1e-11)
-
-
-@pytest.mark.parametrize(("omega", "c"), [(0.9, 0.9), (1.1, 0.0), (1.9, 0.9), (2.4, 2.5)])
-def test_the_exponent_of_a_cycle_is_that_of_its_multipliers(omega, c):
-    """A damper that begins to push makes the acceleration jump, and the deviation with it."""
-    system = oscillator(spring(50.0, c, 0.3), spring(20.0, 0.4, 0.5, -1.0), damping=0.2, omega=omega)
-    how = {"indices": ["lyapunov", "n_periods"], "transient_impacts": 3000, "sample_impacts": 8001}
-    index = vi.parameter_map(system, omega=[omega], **how).isel(omega=0)
-    cycle, size = int(index["n_periods"]), 1e-5
-    assert cycle > 0
-    begin = settled(system, 1000)
-    centre = np.array([begin.displacement[0], begin.velocity[0]])
-    columns = [
-        (advance(system, centre + step, cycle) - advance(system, centre - step, cycle)) / (2.0 * size)
-        for step in size * np.eye(2)
-    ]
-    radius = np.abs(np.linalg.eigvals(np.transpose(columns))).max()
-    assert float(index["lyapunov"]) == pytest.approx(math.log(radius) / (cycle * system.period), rel=2e-3)
-
-
-def advance(system, point, periods):
-    start = vi.State([point[0]], [point[1]])
-    seen = vi.simulate(system, start=start, periods=periods, samples_per_period=1)
-    return np.array([seen["displacement"].values[-1, 0], seen["velocity"].values[-1, 0]])
-
-
-def test_a_weight_on_a_spring_stays_there_and_the_motion_says_so():
-    system = oscillator(spring(100.0, 2.0, 0.0), stiffness=0.0, damping=0.0, force=0.1, constant=5.0)
-    seen = section(system)
-    assert vi.Status(int(seen["status"])) == vi.Status.STUCK_FOREVER
-    rest = vi.simulate(system, periods=400, samples_per_period=8)["displacement"].values[-8:, 0]
-    assert np.abs(rest - 0.05).max() < 2e-3
-
-
 @pytest.mark.parametrize(("gap", "names"), [(0.3, {"wall"}), (0.2, {"wall", "soft"}), (0.4, {"wall"})])
 @pytest.mark.parametrize("first", [0, 1])
 def test_a_spring_at_or_behind_a_rigid_stop_is_never_pushed(gap, names, first):
@@ -263,39 +110,6 @@ def test_what_only_systems_or_springs_have_is_refused_elsewhere():
         vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], indices=["work_rate"])
     with pytest.raises(ValueError, match="`max_force` needs a compliant stop"):
         vi.parameter_map(oscillator(vi.Stop(direction=1.0, gap=0.1)), omega=[2.0], indices=["max_force"])
-
-
-def bar(nodes, **stop):
-    """A steel bar of 1 m, 50 micrometres in front of a stop at its end, of lumped masses and springs."""
-    modulus, density = 210e9, 7800.0
-    step = 1.0 / (nodes - 1)
-    mass = np.full(nodes, density * step)
-    mass[[0, -1]] /= 2.0
-    stiffness = np.zeros((nodes, nodes))
-    for left in range(nodes - 1):
-        stiffness[left : left + 2, left : left + 2] += modulus / step * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    end = [vi.Stop(direction=np.eye(nodes)[-1], gap=5e-5, name="wall", **stop)]
-    force = vi.Force(omega=2.0 * math.pi / 1.2e-3)
-    return vi.ImpactSystem(mass=np.diag(mass), stiffness=stiffness, force=force, stops=end), mass
-
-
-@pytest.mark.parametrize("stop", ["rigid, r = 0", "gives"])
-def test_an_elastic_bar_stays_for_its_wave_and_leaves_with_its_whole_speed(stop):
-    """Contact lasts 2 L sqrt(rho/E); nearer to one per cent, and nearer yet, with more nodes."""
-    speed, wave, off = 0.1, 2.0 * math.sqrt(7800.0 / 210e9), []
-    for nodes in (25, 50, 100):
-        kind = {"restitution": 0.0} if stop.startswith("rigid") else {"stiffness": 20.0 * 210e9 * nodes}
-        system, mass = bar(nodes, **kind)
-        start = vi.State(np.zeros(nodes).tolist(), np.full(nodes, speed).tolist())
-        seen = vi.simulate(system, start=start, periods=1, samples_per_period=50)
-        assert float(seen["impact_time"][0]) == pytest.approx(5e-4, rel=1e-12)
-        ended = np.append(seen["release_time"], seen["impact_time"] + seen["contact_time"] if "force" in seen else [])
-        rebound = -(mass @ seen["velocity"].values[-1]) / mass.sum()
-        off.append((abs((ended.max() - 5e-4) / wave - 1.0), abs(rebound / speed - 1.0)))
-    contact, rebound = np.transpose(off)
-    assert contact[-1] < min(contact[0], 0.01)  # a compliant stop rattles at the length of an element
-    assert (np.diff(rebound) < 0.0).all()
-    assert rebound[-1] < (0.01 if stop == "gives" else 0.015)
 
 
 @pytest.mark.parametrize("damper", [0.0, 0.1, 1.0])
@@ -337,34 +151,6 @@ def test_an_impact_at_the_start_counts_in_maps_as_in_sections():
     between = math.pi / 10.0 + 2.0
     assert float(seen["time"][1]) == pytest.approx(between, rel=1e-14)
     assert float(cell["impacts_per_period"][0]) == pytest.approx(2.0 * math.pi / between, rel=1e-14)
-
-
-@pytest.mark.parametrize("damping", [0.0, 0.1])
-@pytest.mark.parametrize("stop", [spring(10.0, gap=0.0), spring(10.0, 0.5, 0.0), vi.Stop(direction=1.0, gap=0.0)])
-def test_a_system_at_rest_that_touches_a_stop_stays_in_contact_as_one_mass_does(stop, damping):
-    one = vi.ImpactOscillator(amplitude=0.0, gap=0.0, damping=damping)
-    assert vi.Status(int(section(one)["status"])) == vi.Status.STUCK_FOREVER
-    system = oscillator(stop, damping=damping, force=0.0)
-    assert vi.Status(int(section(system)["status"])) == vi.Status.STUCK_FOREVER
-    cell = vi.parameter_map(system, omega=[1.3], indices=["std"], **FEW)
-    assert vi.Status(int(cell["status"][0])) == vi.Status.STUCK_FOREVER
-
-
-def test_what_is_pressed_from_rest_is_in_contact_without_an_impact():
-    load = {"stiffness": 0.0, "damping": 0.1, "force": 0.0, "constant": 1.0}
-    seen = section(oscillator(spring(10.0, gap=0.0), **load), start=vi.State(0.0, 0.0))
-    assert seen.sizes["impact"] == 0
-    assert vi.Status(int(seen["status"])) == vi.Status.STUCK_FOREVER
-
-
-@pytest.mark.parametrize(("force", "stays"), [(0.9, True), (1.1, False)])
-def test_a_preloaded_stop_is_never_left_while_the_steady_force_pushes(force, stays):
-    """Penetration d'' + .4 d' + 4 d = 1 + force/G sin wt, G the amplitude for unit force: the stop pushes with 3 d."""
-    omega = 1.3
-    gain = 4.0 / abs(4.0 - omega**2 + 0.4j * omega)
-    system = oscillator(spring(3.0, gap=0.0), damping=0.4, omega=omega, force=force / gain, constant=1.0)
-    status = vi.Status(int(section(system, sample_impacts=40)["status"]))
-    assert (status == vi.Status.STUCK_FOREVER) == stays
 
 
 def test_a_motion_is_returned_although_its_last_contact_never_ends():

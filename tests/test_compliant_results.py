@@ -49,15 +49,6 @@ def test_the_summary_says_what_contacts_came_to(motion):
 # Pictures
 
 
-@pytest.fixture
-def shown():
-    """Return the functions of figures; each figure is closed after its test."""
-    import matplotlib.pyplot as plt
-
-    yield vi.plotting
-    plt.close("all")
-
-
 def _entry(artists, label):
     (found,) = (artist for artist in artists if artist.get_label() == label)
     return found

@@ -8,6 +8,7 @@ import pytest
 import vibroimpact as vi
 from cells import make_cells
 from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, get_backend
+from vibroimpact.indices import INDICES
 from vibroimpact.options import Tolerances
 
 
@@ -132,3 +133,14 @@ def test_motions_end_with_the_statuses_of_the_contract(changes, start, word):
 def test_a_time_step_that_is_no_positive_number_is_refused(time_step):
     with pytest.raises(ValueError, match="`time_step` must be a finite number > 0, got"):
         get_backend("fixed-step", time_step=time_step)
+
+
+def test_indices_are_those_that_its_samples_tell_and_no_more():
+    cells, window = make_cells(vi.ImpactOscillator(omega=0.95), vi.State(-1.0)), Measurement(ImpactWindow(100, 50))
+    told, exact = (get_backend(name).indices(cells, window) for name in ("fixed-step", "reference"))
+    assert get_backend("reference").known_indices == set(INDICES)
+    for name, index in INDICES.items():
+        if name in get_backend("fixed-step").known_indices:
+            assert told[name][0] == pytest.approx(exact[name][0], rel=0.05)
+        else:
+            assert told[name][0] == 0 if index.dtype == "int32" else math.isnan(told[name][0])

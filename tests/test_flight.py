@@ -1,10 +1,12 @@
-"""The power series of the free flight, in every damping regime."""
+"""The free flight in every damping regime: the kernels' power series and the witness's exponentials."""
 
 import math
 
+import numpy as np
 import pytest
 from numba import njit
 
+from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.kernels.cell import Cell, pair_of, phase_of, prepare
 from vibroimpact.kernels.flight import REACH, evaluate, rotate, series, sine_cosine
 from vibroimpact.kernels.leaps import leaps_of
@@ -81,3 +83,27 @@ def test_the_constants_of_the_tail_bound_hold_at_this_reach():
     largest_damping, largest_stiffness = 2 * REACH, REACH**2
     assert 3 * largest_damping + largest_stiffness + 1 <= 9
     assert sum(3.0**i * math.factorial(7) / math.factorial(7 + i) for i in range(60)) <= 1.56
+
+
+def free_motion(**changes):
+    defaults = {"mass": 1.0, "damping": 0.01, "stiffness": 1.0, "amplitude": 1.0, "omega": 2.0, "gap": 0.0}
+    return FreeMotion(**(defaults | changes))
+
+
+@pytest.mark.parametrize("name", ["under", "critical", "over", "resonant_c0", "near_resonant", "stiff"])
+def test_a_flight_of_the_witness_is_exact_to_rounding_at_any_damping_and_at_resonance(values, name):
+    flow = values["flow_values"][name]
+    m, c, k, f, w = map(float, flow["m_c_k_f_w"])
+    y, v = map(float, flow["y_v"])
+    free = free_motion(mass=m, damping=c, stiffness=k, amplitude=f, omega=w, gap=0.5)
+    clearance, velocity = free.after(State(0.8, 0.4, 0.0, 0.2 * w / (2 * math.pi)), np.array([1.7]))
+    assert 0.5 - clearance[0] == pytest.approx(y, abs=1e-14)
+    assert velocity[0] == pytest.approx(v, abs=1e-14 * math.sqrt(k / m) + 1e-14)
+
+
+@pytest.mark.parametrize("tau", [1e-12, 1e-6, 1e-2])
+def test_short_flights_keep_the_relative_accuracy_of_every_part(tau):
+    grown = free_motion().propagators([tau])[0]
+    # u from u', from the force and from its rate: tau, -tau^2/2, -tau^3/6, next order relative 0.01 tau or less.
+    parts = grown[0, 1] / tau, -2 * grown[0, 2] / tau**2, -6 * grown[0, 3] / tau**3
+    assert parts == pytest.approx([1, 1, 1], rel=1e-15 + 0.005 * tau + tau**2)

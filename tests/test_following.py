@@ -7,7 +7,7 @@ import pytest
 
 import vibroimpact as vi
 from cells import make_cells
-from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, cpu, get_backend
+from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, get_backend, scalar
 from vibroimpact.indices import INDICES
 from vibroimpact.options import Tolerances
 
@@ -16,7 +16,7 @@ PAPER = ImpactWindow(100, 1500)
 SEEN = {
     "fewer impacts": ImpactWindow(20, 40),
     "more impacts": ImpactWindow(200, 3000),
-    "more impacts than a buffer holds": ImpactWindow(0, cpu.ROOM + 500),
+    "more impacts than a buffer holds": ImpactWindow(0, scalar.ROOM + 500),
     "looks": StroboscopicWindow(50, 200, 0.3),
     "looks many times a period": StroboscopicWindow(20, 6000, None, 30),
 }
@@ -40,14 +40,14 @@ def random_oscillators(number=NUMBER):
 def alone(monkeypatch):
     """The steps that recorders make alone."""
     steps = []
-    record = cpu.record
+    record = scalar.record
 
     def counted(seen, trace, walks):
-        before = cpu.state_of(seen.memory)[1].steps
+        before = scalar.state_of(seen.memory)[1].steps
         record(seen, trace, walks)
-        steps.append(int(cpu.state_of(seen.memory)[1].steps - before))
+        steps.append(int(scalar.state_of(seen.memory)[1].steps - before))
 
-    monkeypatch.setattr(cpu, "record", counted)
+    monkeypatch.setattr(scalar, "record", counted)
     return steps
 
 
@@ -75,7 +75,7 @@ def test_one_run_gives_the_bits_of_two(window, indices, early_closing):
 
 @pytest.mark.long
 def test_a_recorder_whose_buffers_fill_before_they_are_emptied_goes_on_alone(monkeypatch, alone):
-    monkeypatch.setattr(cpu, "ROOM", cpu.LOOK + 2)
+    monkeypatch.setattr(scalar, "ROOM", scalar.LOOK + 2)
     measurement = Measurement(PAPER, indices=tuple(INDICES))
     for osc in random_oscillators(10):
         follow(osc, measurement, Measurement(SEEN["looks"]))
@@ -88,7 +88,7 @@ def test_what_is_measured_longer_is_recorded_without_a_step_of_its_own(sticks, a
     cell, seen = make_cells(osc), Measurement(ImpactWindow(0, 4800))
     measurement = Measurement(ImpactWindow(100, 5000), early_closing=False, indices=tuple(INDICES))
     found, samples = get_backend("cpu").follow(cell, measurement, seen)
-    assert cpu.ROOM < samples.steps < found["steps"][0]
+    assert scalar.ROOM < samples.steps < found["steps"][0]
     assert alone == []
 
 

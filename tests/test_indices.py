@@ -1,32 +1,191 @@
-"""What the lanes tell beside the velocities: exponents, names of motions, losses, rest, near-misses."""
+"""Indices beside the velocities, by both engines and the witness: exponents, names, losses, rests, near-misses."""
 
+import cmath
 import math
 
 import numpy as np
 import pytest
 from numba import njit
+from scipy.linalg import expm
 
 import vibroimpact as vi
-from vibroimpact.backends import ImpactWindow, Measurement, get_backend
+from designs import orbit_of_one_impact
 from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.kernels.advance import IMPACT, RELEASE, advance
 from vibroimpact.kernels.cell import Cell, prepare
 from vibroimpact.kernels.flight import flow
 from vibroimpact.kernels.law import saltation
-from vibroimpact.kernels.results import ThoroughIndices, VelocityIndices
-from vibroimpact.orbits import find_orbit
+from vibroimpact.recognition import recognise
 
 ALL = tuple(INDICES)
 OSC = vi.ImpactOscillator()
 SPREAD = np.linspace(0.025, 5.0, 100)
+FAR = vi.State(-1.0)
+CHAOS = vi.ImpactOscillator(omega=2.8)
+# Of systems a rest's indices are averages over the window, and names need repetition alone.
+ONE_MASS = pytest.mark.parametrize("way", ["engine", "witness"], indirect=True)
+RATES = ("lyapunov", "lyapunov_per_impact", "dissipation", "stick_fraction")
 
 
 @pytest.fixture(scope="module")
 def spread():
     return {
-        closing: vi.parameter_map(OSC, omega=SPREAD, start=vi.State(-1.0), indices=ALL, early_closing=closing)
+        closing: vi.parameter_map(OSC, omega=SPREAD, start=FAR, indices=ALL, early_closing=closing)
         for closing in (False, True)
     }
+
+
+def name_of(told):
+    return told["n_periods"], told["n_impacts"]
+
+
+# Exponents
+
+
+@pytest.mark.parametrize("omega", [1.4, 2.0, 2.6])
+def test_the_exponent_of_a_period_1_orbit_is_that_of_its_50_digit_multipliers(values, way, omega):
+    known = values["period_n_impact_1"][f"w={omega},n=1"]
+    osc = vi.ImpactOscillator(omega=omega)
+    growth = math.log(max(math.hypot(*map(float, known[name])) for name in ("mult1", "mult2")))
+    told = way.indices(osc, transient=200, sample=40 if way.slow else 5000)
+    assert name_of(told) == (1, 1)
+    # At 2.0 the multipliers nearly meet, 5e-4 apart: a rounding of the trace counts 2000-fold.
+    near = {"witness": 5e-12, "engine": 1e-8, "engine of systems": 1e-8}[way.name]
+    assert told["lyapunov"] == pytest.approx(growth / osc.period, abs=near)
+    assert told["lyapunov_per_impact"] == pytest.approx(growth, abs=2 * near * osc.period)
+
+
+def test_a_period_1_impact_2_motion_has_its_name_its_50_digit_multiplier_and_its_spread(values, way):
+    known = values["period_1_impact_2"]["w=0.95"]
+    osc, growth = vi.ImpactOscillator(omega=0.95), math.log(float(known["absmult"]))
+    told = way.indices(osc, transient=200, sample=40 if way.slow else 5000)
+    assert name_of(told) == (1, 2)
+    near = {"rel": 1e-11} if way.slow else {"abs": 1e-8}
+    assert told["lyapunov"] == pytest.approx(growth / osc.period, **near)
+    assert told["lyapunov_per_impact"] == pytest.approx(growth / 2, **near)
+    # Two points half of a circle's arc 2 a apart have a mean vector of length cos a.
+    apart = math.pi * (float(known["phase_frac_b"]) - float(known["phase_frac_a"]))
+    assert told["impact_phase_spread"] == pytest.approx(1 - math.cos(apart), rel=1e-10)
+
+
+def transition(osc, time):
+    """Return E, cos(wd t) (cosh when overdamped) and the entry of the free transition matrix by which y' enters y."""
+    half = osc.damping / (2 * osc.mass)
+    rate = cmath.sqrt(osc.stiffness / osc.mass - half**2)
+    decay = math.exp(-half * time)
+    return decay, cmath.cos(rate * time).real, decay * (cmath.sin(rate * time) / rate).real
+
+
+@pytest.mark.parametrize(
+    ("n", "changes"),
+    [
+        (1, {"omega": 1.7, "gap": 0.1}),
+        (2, {"omega": 4.1}),
+        (1, {"omega": 2.8, "mass": 0.5, "restitution": 0.85}),
+        (1, {"omega": 2.0, "damping": 2.5}),
+        (1, {"omega": 2.2, "restitution": 0.6, "amplitude": 2.5, "gap": -0.1}),
+    ],
+)
+def test_the_exponent_of_an_impact_1_motion_follows_from_its_trace_in_closed_form(way, n, changes):
+    osc = vi.ImpactOscillator(**changes)
+    told, last = way.indices(osc, transient=600, sample=40), way.section(osc, 600, 40).isel(impact=-1)
+    decay, cosine, q = transition(osc, n * osc.period)
+    force = (osc.amplitude * math.sin(2 * math.pi * float(last["phase"])) - osc.stiffness * osc.gap) / osc.mass
+    trace = -2 * osc.restitution * decay * cosine + (1 + osc.restitution) * q / float(last["velocity"]) * force
+    growth = math.log(max(abs(np.roots([1.0, -trace, osc.restitution**2 * decay**2]))))
+    assert name_of(told) == (n, 1)
+    near = {"rel": 1e-9} if way.slow else {"rel": 1e-7, "abs": 1e-8}
+    assert told["lyapunov_per_impact"] == pytest.approx(growth, **near)
+    assert told["lyapunov"] == pytest.approx(growth / (n * osc.period), **near)
+
+
+@ONE_MASS
+def test_an_orbit_that_repeats_but_is_unstable_is_no_cycle(way):
+    osc = vi.ImpactOscillator(omega=1.15)
+    start = orbit_of_one_impact(osc)
+    hits, told = way.section(osc, start=start), way.indices(osc, transient=0, sample=20, start=start)
+    assert hits["velocity"].values == pytest.approx(start.velocity, rel=1e-10)
+    assert name_of(told) == (0, 0)
+    assert told["lyapunov"] > 0
+
+
+DESIGNS = [
+    CHAOS,
+    vi.ImpactOscillator(omega=2.8, mass=0.3, stiffness=2.0, damping=0.2, gap=0.15, restitution=0.9),
+    vi.ImpactOscillator(omega=3.0, damping=6.0, restitution=0.7),
+]
+
+
+@pytest.mark.parametrize("osc", DESIGNS, ids=["chaos", "off the stop", "overdamped"])
+def test_growth_is_that_of_flights_and_saltations(way, osc):
+    """Of a deviation (1, 0.7/h) with h = 2.4/L, of length |y| + h |y'|: the one after the other."""
+    hits = way.section(osc, sample=60, start=FAR)
+    times, v = np.array([0.0, *hits["time"].values]), hits["velocity"].values
+    matrix = np.array([[0.0, 1.0], [-osc.stiffness / osc.mass, -osc.damping / osc.mass]])
+    h = 2.4 / max(osc.omega, osc.natural_frequency, -np.linalg.eigvals(matrix).real.min())
+    push = (osc.amplitude * np.sin(2 * math.pi * hits["phase"].values) - osc.stiffness * osc.gap) / osc.mass
+    damp, r = osc.damping / osc.mass, osc.restitution
+    deviation, lengths = np.array([1.0, 0.7 / h]), []
+    for i in range(60):
+        deviation = expm(matrix * (times[i + 1] - times[i])) @ deviation
+        before, after = push[i] - damp * v[i], push[i] + damp * r * v[i]
+        deviation = np.array([[-r, 0], [(after + r * before) / v[i], -r]]) @ deviation
+        lengths.append(abs(deviation[0]) + h * abs(deviation[1]))
+    told = way.indices(osc, transient=10, sample=50, start=FAR)
+    if told["n_periods"] == 0:
+        growth, begun = math.log(lengths[-1] / lengths[10]), times[-1] - times[11]
+        assert told["lyapunov"] * begun == pytest.approx(growth, abs=1e-9 if way.slow else 0.3)
+        assert told["lyapunov_per_impact"] * 49 == pytest.approx(growth, abs=1e-9 if way.slow else 0.3)
+    else:
+        later = math.log(lengths[-1] / lengths[-1 - told["n_impacts"]])
+        assert told["lyapunov_per_impact"] * told["n_impacts"] == pytest.approx(later, rel=1e-6)
+
+
+@pytest.mark.parametrize("way", ["witness"], indirect=True)
+def test_the_growth_of_a_deviation_is_that_of_the_distance_of_neighbours(way):
+    h, r = 2.4 / CHAOS.omega, CHAOS.restitution
+    above, below, middle = (
+        way.section(CHAOS, 1, 6, start=vi.State(-1.0 + off, off * 0.7 / h)) for off in (1e-6, -1e-6, 0.0)
+    )
+    late, faster = ((above[name] - below[name]).values for name in ("time", "velocity"))
+    v, phase = middle["velocity"].values, middle["phase"].values
+    after = np.sin(2 * math.pi * phase) + CHAOS.damping * r * v
+    length = np.abs(r * v * late) + h * np.abs(after * late + r * faster)
+    told = way.indices(CHAOS, transient=1, sample=6, start=FAR)
+    growth = told["lyapunov"] * float(middle["time"][-1] - middle["time"][0])
+    assert growth == pytest.approx(math.log(length[-1] / length[0]), abs=1e-8)
+    assert told["lyapunov_per_impact"] == pytest.approx(growth / 5, rel=1e-12)
+
+
+def test_the_exponent_at_28_is_that_of_forty_million_impacts(values):
+    starts = np.linspace(-1.9, -0.1, 50)
+    found = [
+        vi.parameter_map(
+            OSC, omega=2.8 + 1e-12 * np.arange(20), start=vi.State(start), indices=["lyapunov"], sample_impacts=10_000
+        )["lyapunov"].values
+        for start in starts
+    ]
+    mean, error = (float(number) for number in values["lyapunov_w=2.8"]["lam_per_time_mean_se"])
+    chaotic = np.concatenate(found)
+    assert np.isfinite(chaotic).all()
+    assert abs(chaotic.mean() - mean) < 5e-4  # 1e7 impacts
+    assert abs(chaotic.mean() - mean) < 4 * math.hypot(error, chaotic.std() / math.sqrt(chaotic.size))
+
+
+@pytest.mark.long
+def test_the_exponent_of_chaos_is_the_known_one_within_its_spread(values, way):
+    mean, error = map(float, values["lyapunov_w=2.8"]["lam_per_time_mean_se"])
+    told = way.indices(CHAOS, transient=100, sample=2000, start=FAR)
+    assert told["lyapunov"] == pytest.approx(mean, abs=4 * error * math.sqrt(4e7 / 2000))
+    assert name_of(told) == (0, 0)
+
+
+@pytest.mark.long
+def test_the_exponents_of_two_vectors_sum_to_what_restitution_and_damping_take():
+    for omega in (2.8, 4.3, 0.95):
+        _, area, passed = walked(omega)
+        expected = 2 * math.log(OSC.restitution) - OSC.damping / OSC.mass * passed / 5000
+        assert area / 5000 == pytest.approx(expected, abs=1e-9)
 
 
 @njit(error_model="numpy")
@@ -59,93 +218,331 @@ def growths(cell, transient, impacts):
 
 
 def walked(omega, transient=100, impacts=5000):
-    cell = Cell(
-        OSC.mass, OSC.damping, OSC.stiffness, OSC.amplitude, omega, OSC.restitution, OSC.gap, 1.0, 0.0, 0.0, 0.0
-    )
+    numbers = OSC.mass, OSC.damping, OSC.stiffness, OSC.amplitude, omega, OSC.restitution, OSC.gap
+    cell = Cell(*numbers, 1.0, 0.0, 0.0, 0.0)
     stretch, area, passed = growths(cell, transient, impacts)
     return stretch, area, passed * prepare(cell, 1e-9)[0]
 
 
-def test_lanes_give_every_index_of_the_table():
-    assert set(VelocityIndices._fields) == VELOCITY_INDICES
-    assert set(ThoroughIndices._fields) == set(INDICES) - VELOCITY_INDICES
-
-
-@pytest.mark.long
-def test_the_exponents_of_two_vectors_sum_to_what_restitution_and_damping_take():
-    for omega in (2.8, 4.3, 0.95):
-        _, area, passed = walked(omega)
-        expected = 2 * math.log(OSC.restitution) - OSC.damping / OSC.mass * passed / 5000
-        assert area / 5000 == pytest.approx(expected, abs=1e-9)
-
-
 def test_the_exponent_of_chaos_is_what_two_vectors_walked_alone_give():
     stretch, _, passed = walked(2.8)
-    cell = vi.parameter_map(OSC, omega=[2.8], start=vi.State(-1.0), indices=["lyapunov", "lyapunov_per_impact"])
+    cell = vi.parameter_map(OSC, omega=[2.8], start=FAR, indices=["lyapunov", "lyapunov_per_impact"])
     # Directions forget where they started, and norms differ by a factor: both are a few units in 5000 ln.
     assert float(cell["lyapunov_per_impact"][0]) == pytest.approx(stretch / 5000, abs=5e-3)
     assert float(cell["lyapunov"][0]) == pytest.approx(stretch / passed, abs=3e-3)
 
 
-def test_the_exponent_at_28_is_that_of_forty_million_impacts(values):
-    starts = np.linspace(-1.9, -0.1, 50)
-    found = [
-        vi.parameter_map(
-            OSC, omega=2.8 + 1e-12 * np.arange(20), start=vi.State(start), indices=["lyapunov"], sample_impacts=10_000
-        )["lyapunov"].values
-        for start in starts
-    ]
-    mean, error = (float(number) for number in values["lyapunov_w=2.8"]["lam_per_time_mean_se"])
-    chaotic = np.concatenate(found)
-    assert np.isfinite(chaotic).all()
-    assert abs(chaotic.mean() - mean) < 5e-4  # 1e7 impacts
-    assert abs(chaotic.mean() - mean) < 4 * math.hypot(error, chaotic.std() / math.sqrt(chaotic.size))
+def test_exponents_of_cycles_are_those_of_the_orbits_that_newton_finds(spread):
+    compared = 0
+    for at in range(0, len(SPREAD), 2):
+        cell = spread[True].isel(omega=at)
+        n, p = int(cell["n_periods"]), int(cell["n_impacts"])
+        if not 0 < n <= 4 or not 0 < p <= 4:
+            continue
+        osc = OSC.replace(omega=SPREAD[at])
+        hits = vi.impact_section(osc, start=FAR, transient_impacts=3000, sample_impacts=1)
+        near = float(hits["phase"][0]), float(hits["velocity"][0])
+        (orbit,) = vi.find_orbit(osc, n_periods=n, n_impacts=p, near=near)
+        assert float(cell["lyapunov"]) == pytest.approx(orbit.lyapunov, abs=1e-8), (osc.omega, n, p)
+        compared += 1
+    assert compared >= 10
 
 
-@pytest.mark.parametrize("case", ["w=2.0,n=1", "w=1.4,n=1", "w=2.6,n=1"])
-def test_the_exponent_of_a_cycle_is_the_logarithm_of_its_multiplier(values, case):
-    entry = values["period_n_impact_1"][case]
-    omega = float(case[2:5])
-    radius = max(abs(complex(float(a), float(b))) for a, b in (entry["mult1"], entry["mult2"]))
-    found = vi.parameter_map(OSC, omega=[omega], start=near(omega), indices=ALL, early_closing=False)
-    assert float(found["lyapunov"][0]) == pytest.approx(math.log(radius) * omega / (2 * math.pi), abs=1e-8)
-    assert (int(found["n_periods"][0]), int(found["n_impacts"][0])) == (1, 1)
+def test_chaos_and_no_cycle_are_one_thing(spread):
+    """A positive exponent means no cycle, and a cycle means a negative one."""
+    exponent, named = spread[True]["lyapunov"], spread[True]["n_periods"] > 0
+    assert not bool((named & (exponent > 0)).any())
+    unnamed = exponent.values[~named.values & np.isfinite(exponent.values)]  # what rests now and then has none
+    # What never repeats within 5100 impacts is chaotic, but for orbits that settle too slowly to be told.
+    assert (unnamed > 0).mean() > 0.9
+    assert len(unnamed) >= 15
 
 
-def test_an_orbit_that_sticks_forgets_everything_at_once(values):
-    entry = values["sticking_w=0.1"]
-    cell = vi.parameter_map(OSC, omega=[0.1], indices=ALL).isel(omega=0)
-    assert float(cell["lyapunov"]) == -math.inf
-    assert float(cell["lyapunov_per_impact"]) == -math.inf
-    assert (int(cell["n_periods"]), int(cell["n_impacts"])) == (1, -1)
-    assert vi.Status(int(cell["status"])) == vi.Status.STICKING
-    assert float(cell["stick_fraction"]) == pytest.approx(float(entry["stuck_duration"]) / float(entry["T"]), abs=1e-12)
+# Names
 
 
-def test_a_mass_that_hits_once_and_stays_is_named_by_its_count():
-    cell = vi.parameter_map(OSC.replace(restitution=0.0), omega=[0.4], indices=ALL).isel(omega=0)
-    assert (int(cell["n_periods"]), float(cell["lyapunov"])) == (1, -math.inf)
-    section = vi.impact_section(OSC.replace(restitution=0.0, omega=0.4), sample_impacts=50)
-    a_period = section["time"] > section["time"][-1] - OSC.replace(omega=0.4).period + 1e-6
-    assert int(cell["n_impacts"]) == int(a_period.sum())
+def test_a_lossless_oscillator_neither_closes_nor_loses(way):
+    told = way.indices(vi.ImpactOscillator(restitution=1.0, damping=0.0, omega=2.7), transient=20, sample=150)
+    assert (*name_of(told), told["dissipation"]) == (0, 0, 0.0)
+    assert math.isfinite(told["lyapunov"])
+
+
+@pytest.mark.long(but=6)
+@pytest.mark.parametrize("omega", [0.2, 0.5, 1.2, 2.8, 3.0, 3.4, 4.9])
+def test_motions_are_called_what_their_sections_show(way, omega):
+    osc = vi.ImpactOscillator(omega=omega)
+    told, motion = way.indices(osc, transient=300, sample=200), recognise(way.section(osc, 300, 200), tolerance=1e-9)
+    assert name_of(told) == (motion.n_periods, motion.n_impacts)
+
+
+def test_names_agree_with_impacts_a_period_and_with_those_read_off_the_impacts(spread):
+    named = (spread[True]["n_periods"] > 0) & (spread[True]["n_impacts"] > 0)
+    ratio = spread[True]["n_impacts"] / spread[True]["n_periods"]
+    assert int(named.sum()) > 20
+    np.testing.assert_array_equal(ratio.values[named], spread[True]["impacts_per_period"].values[named])
+    for at in range(0, len(SPREAD), 7):
+        cell = spread[True].isel(omega=at)
+        motion = recognise(vi.impact_section(OSC.replace(omega=SPREAD[at]), start=FAR, transient_impacts=2000))
+        if motion.kind in ("periodic", "sticking"):
+            assert (int(cell["n_periods"]), int(cell["n_impacts"])) == (motion.n_periods, motion.n_impacts), SPREAD[at]
+
+
+RESTING = {"omega": np.linspace(0.1, 0.9, 9), "mass": np.linspace(0.2, 1.0, 9)}
+
+
+def test_a_sticking_motion_is_named_only_if_one_digit_more_or_less_leaves_its_name():
+    names = ("n_periods", "n_impacts", "lyapunov_per_impact")
+    here = vi.parameter_map(OSC, indices=names, sample_impacts=1000, **RESTING)
+    beside = {name: np.nextafter(values, 9.0) for name, values in RESTING.items()}
+    there = vi.parameter_map(OSC, indices=names, sample_impacts=1000, **beside)
+    named = (here["n_impacts"].values == -1) & (here["n_periods"].values > 0)
+    assert named.sum() > 30
+    assert np.array_equal(here["n_periods"].values[named], there["n_periods"].values[named])
+
+
+@ONE_MASS
+def test_rests_at_times_that_rounding_decides_have_no_period(way):
+    tube = vi.ImpactOscillator(
+        mass=0.5, damping=0.63246, stiffness=2000.0, amplitude=2.0, omega=44.0 * np.pi, restitution=0.7, gap=0.0003
+    )
+    gaps, resting = np.unique(tube.gap * (1.0 + 1e-16 * np.arange(-9, 10)))[:: 100 if way.slow else 1], 0
+    for gap in gaps:
+        told = way.indices(tube.replace(gap=gap), ("n_periods", "n_impacts", "lyapunov_per_impact"), sample=1000)
+        assert told["n_periods"] == 0
+        if told["status"] == vi.Status.STICKING:
+            resting += 1
+            assert (told["n_impacts"], told["lyapunov_per_impact"]) == (-1, -math.inf)
+    assert resting > len(gaps) / 2 or way.slow
+
+
+# Rests
+
+
+@ONE_MASS
+def test_a_complete_chatter_forgets_all_and_has_its_name_its_rest_and_its_loss(values, way):
+    known = values["sticking_w=0.1"]
+    told = way.indices(vi.ImpactOscillator(omega=0.1), transient=100, sample=950)
+    speeds = [float(impact["v"]) for impact in known["impacts"]]
+    squares = math.fsum(v * v for v in speeds) + (0.8 * speeds[-1]) ** 2 / (1 - 0.64)
+    assert (*name_of(told), told["status"]) == (1, -1, vi.Status.STICKING)
+    assert told["lyapunov"] == told["lyapunov_per_impact"] == -math.inf
+    assert told["stick_fraction"] == pytest.approx(float(known["stuck_duration"]) / float(known["T"]), rel=1e-12)
+    assert told["dissipation"] == pytest.approx(0.5 * 0.36 * squares, rel=1e-12)
+
+
+@ONE_MASS
+@pytest.mark.long(but=2)
+@pytest.mark.parametrize("window", [(0, 100), (37, 200), (95, 10), (300, 1)])
+def test_a_sticking_cycle_tells_the_same_whatever_the_window_once_it_was_left_twice(way, window):
+    osc = vi.ImpactOscillator(omega=0.1)
+    settled, told = way.indices(osc, transient=100, sample=500), way.indices(osc, transient=window[0], sample=window[1])
+    for name in (*RATES, "n_periods", "n_impacts", "grazing_margin"):
+        assert told[name] == pytest.approx(settled[name], rel=0.0 if way.slow else 1e-12), name
+
+
+@ONE_MASS
+def test_without_rebound_a_sticking_cycle_counts_its_impacts_and_rests_from_each_to_its_release(way):
+    osc = vi.ImpactOscillator(restitution=0.0, omega=0.5, gap=0.2)
+    told, hits = way.indices(osc, transient=100, sample=60), way.section(osc, 100, 60)
+    rests = (hits["release_time"] - hits["stick_time"]).values[-4:] / osc.period
+    assert name_of(told) == (1, 2)
+    assert told["stick_fraction"] == pytest.approx(rests.mean(), rel=1e-12)
+    assert told["dissipation"] == pytest.approx(0.5 * (hits["velocity"].values[-2:] ** 2).sum(), rel=1e-12)
+    assert told["lyapunov"] == -math.inf
+
+
+def test_a_mass_that_hits_and_stays_is_named_by_its_count(way):
+    osc = OSC.replace(restitution=0.0, omega=0.4)
+    told, times = way.indices(osc, sample=200), way.section(osc, 100, 50)["time"].values
+    assert (told["n_periods"], told["lyapunov"]) == (1, -math.inf)
+    assert told["n_impacts"] == (times > times[-1] - osc.period + 1e-6).sum()
+
+
+@pytest.mark.parametrize("way", ["witness"], indirect=True)
+def test_a_rest_in_the_window_ends_all_memory(way):
+    osc = vi.ImpactOscillator(omega=0.1)
+    # From the stop at 0.55 T it leaves with the force pulling, chatters from 0.02 T on and rests once by 1.5 T.
+    start = vi.State(0.0, 0.0, 0.55 * osc.period)
+    hits, told = way.section(osc, 0, 95, start=start), way.indices(osc, transient=0, sample=95, start=start)
+    assert hits.sizes["stick"] == 1
+    assert told["lyapunov"] == told["lyapunov_per_impact"] == -math.inf
+    assert name_of(told) == (0, 0)
+    span = float(hits["time"][-1] - hits["time"][0])
+    assert told["stick_fraction"] == pytest.approx(
+        float(hits["release_time"][0] - hits["stick_time"][0]) / span, rel=1e-12
+    )
+
+
+# Losses
+
+
+def work_done(osc, hits):
+    """Return the work of force and damper from the first to the last impact, by Gauss quadrature of each flight."""
+    nodes, weights = np.polynomial.legendre.leggauss(120)
+    drive = osc.amplitude / complex(osc.stiffness - osc.mass * osc.omega**2, osc.damping * osc.omega)
+    matrix = np.array([[0.0, 1.0], [-osc.stiffness / osc.mass, -osc.damping / osc.mass]])
+    rates, shapes = np.linalg.eig(matrix)
+    releases, total = hits["release_time"].values, 0.0
+    for (begin, v), end in zip(
+        np.column_stack([hits["time"], hits["velocity"]])[:-1], hits["time"].values[1:], strict=True
+    ):
+        left = releases[(begin < releases) & (releases < end)]
+        begin, velocity = (left[-1], 0.0) if len(left) else (begin, -osc.restitution * v)
+        times = begin + 0.5 * (end - begin) * (nodes + 1.0)
+        steady = [
+            (factor * drive * np.exp(1j * osc.omega * t)).imag for t in (begin, times) for factor in (1, 1j * osc.omega)
+        ]
+        free = np.linalg.solve(shapes, np.array([osc.gap - steady[0], velocity - steady[1]], complex))
+        speed = steady[3] + (shapes[1] * free @ np.exp(np.outer(rates, times - begin))).real
+        force = osc.amplitude * np.sin(osc.omega * times) - osc.damping * speed
+        total += 0.5 * (end - begin) * float(weights @ (force * speed))
+    return total
+
+
+@ONE_MASS
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"omega": 2.0},
+        {"omega": 0.95},
+        {"omega": 4.1},
+        {"omega": 1.3, "mass": 2.0, "damping": 0.4, "gap": 0.2, "amplitude": 1.7},
+        {"omega": 0.1},
+        {"omega": 0.35, "restitution": 0.5, "gap": -0.2},
+        {"omega": 0.5, "restitution": 0.0, "gap": 0.2},
+    ],
+)
+def test_over_a_cycle_the_stop_takes_what_the_force_brings_less_what_the_damper_takes(way, changes):
+    osc = vi.ImpactOscillator(**changes)
+    hits, told = way.section(osc, 300, 200), way.indices(osc, transient=300, sample=200)
+    assert told["n_periods"] > 0
+    turns = hits["time"].values / osc.period
+    first = int(np.abs(turns - (turns[-1] - told["n_periods"])).argmin())
+    work = work_done(osc, hits.isel(impact=slice(first, None)))
+    assert told["dissipation"] == pytest.approx(work / told["n_periods"], rel=1e-9)
+
+
+def test_away_from_cycles_the_loss_is_that_of_the_impacts_after_the_first_over_the_window(way):
+    osc = vi.ImpactOscillator(omega=4.0, mass=0.5, restitution=0.85)
+    hits, told = way.section(osc, 10, 50, start=FAR), way.indices(osc, transient=10, sample=50, start=FAR)
+    turns = hits["time"].values / osc.period
+    lost = sum(0.5 * 0.5 * (v**2 - (0.85 * v) ** 2) for v in hits["velocity"].values[1:])
+    assert told["n_periods"] == 0
+    assert told["dissipation"] == pytest.approx(lost / (turns[-1] - turns[0]), rel=1e-12)
+
+
+@ONE_MASS
+def test_dissipation_converges_where_the_std_depends_on_the_cut(way):
+    sample = 1000 if way.slow else 5000
+    coarse, fine = (
+        way.indices(
+            OSC.replace(omega=0.1), ("dissipation", "std"), sample=sample, tolerances=vi.Tolerances(chatter=cut)
+        )
+        for cut in (1e-6, 1e-9)
+    )
+    assert coarse["dissipation"] == pytest.approx(fine["dissipation"], rel=1e-11)
+    assert abs(coarse["std"] - fine["std"]) > 0.005
+
+
+def test_equal_phases_have_no_spread_and_others_one_less_the_length_of_their_mean(way):
+    assert way.indices(OSC.replace(omega=2.0), sample=100)["impact_phase_spread"] == pytest.approx(0.0, abs=1e-12)
+    hits = way.section(CHAOS, 100, 500)
+    expected = 1 - abs(np.exp(2j * np.pi * hits["phase"].values).mean())
+    assert way.indices(CHAOS, sample=500)["impact_phase_spread"] == pytest.approx(expected, abs=1e-12)
+
+
+# Near-misses
+
+
+def test_the_margin_of_a_period_1_orbit_vanishes_linearly_where_it_grazes(values, way):
+    grazes, slopes = float(values["grazing_w_of_n=1"][0]["w"]), []
+    for away in (1e-3, 1e-4, 1e-5, 1e-6):
+        osc = vi.ImpactOscillator(omega=grazes + away)
+        told = way.indices(osc, transient=0, sample=6 if way.slow else 1000, start=orbit_of_one_impact(osc))
+        assert name_of(told) == (1, 1)
+        slopes.append(told["grazing_margin"] / away)
+    assert slopes == pytest.approx([slopes[-1]] * 4, rel=2e-2)
+    assert slopes[2:] == pytest.approx([slopes[-1]] * 2, rel=2e-4)
+
+
+@pytest.mark.long(but=6)
+@pytest.mark.parametrize(
+    ("changes", "start"),
+    [
+        ({"omega": 2.8}, FAR),
+        ({"omega": 2.0}, vi.State(0.0)),
+        ({"omega": 0.3, "restitution": 0.0}, vi.State(0.0)),
+        ({"omega": 0.64}, FAR),
+        ({"omega": 4.7, "gap": 0.01, "damping": 0.05}, FAR),
+        ({"omega": 0.12, "gap": 0.4, "restitution": 0.4}, vi.State(0.0)),
+        ({"omega": 0.4, "mass": 0.01, "damping": 0.001}, FAR),
+        *(({"omega": omega}, FAR) for omega in (0.1, 0.2, 0.45, 0.95, 1.4)),
+    ],
+)
+def test_the_margin_is_the_closest_turn_back_that_dense_looks_show(way, changes, start):
+    """Each by the parabola through three looks, those beside an impact left out."""
+    osc = vi.ImpactOscillator(**changes)
+    hits, told = (
+        way.section(osc, 0, 25, start=start)["time"].values,
+        way.indices(osc, transient=0, sample=25, start=start),
+    )
+    periods = math.ceil(hits[-1] / osc.period) + 1
+    looks = way.simulate(osc, start=start, periods=periods, samples_per_period=2500)
+    at, gap = looks["time"].values, osc.gap - looks["displacement"].values
+    if told["n_periods"]:
+        hits = hits[np.abs(hits - (hits[-1] - told["n_periods"] * osc.period)).argmin() :]
+    inner = (gap[1:-1] < gap[:-2]) & (gap[1:-1] < gap[2:])
+    near = np.array([np.any((hits >= a) & (hits <= b)) for a, b in zip(at[:-2], at[2:], strict=True)])
+    chosen = np.flatnonzero(inner & (at[:-2] > hits[0]) & (at[2:] < hits[-1]) & ~near)
+    slope, bend = 0.5 * (gap[chosen + 2] - gap[chosen]), gap[chosen] - 2 * gap[chosen + 1] + gap[chosen + 2]
+    expected = (gap[chosen + 1] - slope**2 / (2 * bend)).min(initial=math.inf)
+    assert told["grazing_margin"] == pytest.approx(float(expected), rel=1e-6, abs=1e-9 if way.slow else 1e-6)
+
+
+# Windows
+
+
+def test_a_window_that_is_not_filled_tells_nothing(way):
+    for osc in (vi.ImpactOscillator(gap=5.0, omega=3.0), vi.ImpactOscillator(gap=50.0, omega=3.0)):
+        told = way.indices(osc, sample=50)
+        assert told["status"] == vi.Status.NO_IMPACT
+        for name, index in INDICES.items():
+            assert told[name] == 0 if index.dtype == "int32" else math.isnan(told[name]), name
+
+
+@ONE_MASS
+def test_of_one_impact_no_rate_is_told(way):
+    told = way.indices(CHAOS, transient=5, sample=1, start=FAR)
+    assert all(math.isnan(told[name]) for name in (*RATES, "impacts_per_period"))
+    assert (*name_of(told), told["std"], told["status"]) == (0, 0, 0.0, vi.Status.SHORT_WINDOW)
+    assert (told["impact_phase_spread"], told["grazing_margin"]) == (0.0, math.inf)
+
+
+def test_indices_of_velocities_are_those_of_the_kept_impacts(way):
+    osc = vi.ImpactOscillator(omega=0.95)
+    told, hits = way.indices(osc, transient=200, sample=100, early_closing=False), way.section(osc, 200, 100)
+    velocity, span = hits["velocity"].values, float(hits["time"][-1] - hits["time"][0]) / osc.period
+    assert told["std"] == pytest.approx(np.std(velocity), rel=1e-12)
+    assert told["mean_velocity"] == pytest.approx(velocity.mean(), rel=1e-14)
+    assert told["max_velocity"] == velocity.max()
+    rate = told["n_impacts"] / told["n_periods"] if not way.slow else 99 / span  # of a known cycle p/n, to the bit
+    assert told["impacts_per_period"] == pytest.approx(rate, rel=1e-12)
+
+
+@pytest.mark.parametrize("scale", [2.0, 0.25])
+def test_twice_as_fast_an_oscillator_has_twice_the_exponent(way, scale):
+    slow, fast = CHAOS, vi.ImpactOscillator(mass=1 / scale**2, damping=0.01 / scale, omega=2.8 * scale)
+    a, b = (way.indices(osc, transient=20, sample=12, start=FAR) for osc in (slow, fast))
+    assert b["lyapunov"] == pytest.approx(scale * a["lyapunov"], rel=1e-9)
+    for name in ("lyapunov_per_impact", "dissipation", "impact_phase_spread", "grazing_margin"):
+        assert b[name] == pytest.approx(a[name], rel=1e-9)
 
 
 def test_the_state_is_stepped_with_the_same_bits_whatever_is_observed(spread):
-    plain = vi.parameter_map(OSC, omega=SPREAD, start=vi.State(-1.0), indices=VELOCITY_INDICES, early_closing=False)
+    plain = vi.parameter_map(OSC, omega=SPREAD, start=FAR, indices=VELOCITY_INDICES, early_closing=False)
     for name in VELOCITY_INDICES - {"impacts_per_period"}:
         np.testing.assert_array_equal(plain[name], spread[False][name], err_msg=name)
     np.testing.assert_array_equal(plain["status"], spread[False]["status"])
-
-
-@pytest.mark.parametrize("number", [3, 17, 40, 97])
-def test_a_cell_has_the_bits_it_has_alone_however_many_lanes_are_busy(number):
-    """Some cells close early and some never do, so that those that are left close ranks."""
-    engine, wanted = get_backend("cpu"), Measurement(ImpactWindow(100, 1000), indices=ALL)
-    cells = OSC.cells({"omega": np.random.default_rng(number).uniform(1.0, 4.0, number)})
-    together = engine.indices(cells, wanted)
-    alone = [engine.indices(cells[i : i + 1], wanted) for i in range(number)]
-    for name in together:
-        np.testing.assert_array_equal(together[name], np.concatenate([one[name] for one in alone]), err_msg=name)
 
 
 def test_closing_early_changes_no_index(spread):
@@ -162,166 +559,16 @@ def test_closing_early_changes_no_index(spread):
         np.testing.assert_allclose(whole[finite], closed[finite], rtol=0, atol=1e-8 * scale, err_msg=name)
 
 
-def test_names_agree_with_impacts_a_period(spread):
-    named = (spread[True]["n_periods"] > 0) & (spread[True]["n_impacts"] > 0)
-    ratio = spread[True]["n_impacts"] / spread[True]["n_periods"]
-    assert int(named.sum()) > 20
-    np.testing.assert_array_equal(ratio.values[named], spread[True]["impacts_per_period"].values[named])
-
-
-def test_names_agree_with_those_read_off_the_impacts(spread):
-    from vibroimpact.recognition import recognise
-
-    for at in range(0, len(SPREAD), 7):
-        cell = spread[True].isel(omega=at)
-        motion = recognise(
-            vi.impact_section(OSC.replace(omega=SPREAD[at]), start=vi.State(-1.0), transient_impacts=2000)
-        )
-        if motion.kind not in ("periodic", "sticking"):
-            continue
-        assert (int(cell["n_periods"]), int(cell["n_impacts"])) == (motion.n_periods, motion.n_impacts), SPREAD[at]
-
-
-RESTING = {"omega": np.linspace(0.1, 0.9, 9), "mass": np.linspace(0.2, 1.0, 9)}
-
-
-def test_a_sticking_motion_is_named_only_if_one_digit_more_or_less_leaves_its_name():
-    names = ("n_periods", "n_impacts", "lyapunov_per_impact")
-    here = vi.parameter_map(OSC, indices=names, sample_impacts=1000, **RESTING)
-    beside = {name: np.nextafter(values, 9.0) for name, values in RESTING.items()}
-    there = vi.parameter_map(OSC, indices=names, sample_impacts=1000, **beside)
-    named = (here["n_impacts"].values == -1) & (here["n_periods"].values > 0)
-    assert named.sum() > 30
-    assert np.array_equal(here["n_periods"].values[named], there["n_periods"].values[named])
-
-
-def test_rests_at_times_that_rounding_decides_have_no_period():
-    tube = vi.ImpactOscillator(
-        mass=0.5, damping=0.63246, stiffness=2000.0, amplitude=2.0, omega=44.0 * np.pi, restitution=0.7, gap=0.0003
-    )
-    gaps = np.unique(tube.gap * (1.0 + 1e-16 * np.arange(-9, 10)))
-    for backend in ("cpu", "reference"):
-        cells = gaps if backend == "cpu" else gaps[:1]
-        told = vi.parameter_map(
-            tube,
-            indices=("n_periods", "n_impacts", "lyapunov_per_impact"),
-            sample_impacts=1000,
-            backend=backend,
-            gap=cells,
-        )
-        resting = told["status"].values == vi.Status.STICKING
-        assert (told["n_periods"].values == 0).all()
-        assert (told["lyapunov_per_impact"].values[resting] == -np.inf).all()
-        assert (told["n_impacts"].values[resting] == -1).all()
-        assert resting.sum() > len(cells) / 2 or backend == "reference"
-
-
-def test_chaos_and_no_cycle_are_one_thing(spread):
-    """A positive exponent means no cycle, and a cycle means a negative one."""
-    exponent, named = spread[True]["lyapunov"], spread[True]["n_periods"] > 0
-    assert not bool((named & (exponent > 0)).any())
-    unnamed = exponent.values[~named.values & np.isfinite(exponent.values)]  # what rests now and then has none
-    # What never repeats within 5100 impacts is chaotic, but for orbits that settle too slowly to be told.
-    assert (unnamed > 0).mean() > 0.9
-    assert len(unnamed) >= 15
-
-
-def test_a_cycle_loses_at_the_stop_what_the_force_puts_in_and_the_damper_leaves(spread):
-    for at in (10, 40, 60):
-        osc = OSC.replace(omega=SPREAD[at])
-        cell = spread[True].isel(omega=at)
-        n = int(cell["n_periods"])
-        if n == 0:
-            continue
-        orbit = vi.simulate(osc, start=vi.State(-1.0), periods=400 + n, samples_per_period=4000)
-        tail = orbit.isel(time=slice(400 * 4000, None))
-        t, v = tail["time"].values, tail["velocity"].values
-        # Velocities jump at impacts, so the work is summed between them by the midpoint rule.
-        y = tail["displacement"].values
-        work = np.sum(np.sin(osc.omega * 0.5 * (t[1:] + t[:-1])) * np.diff(y)) * osc.amplitude
-        damped = osc.damping * np.sum(0.5 * (v[1:] ** 2 + v[:-1] ** 2) * np.diff(t))
-        assert float(cell["dissipation"]) == pytest.approx((work - damped) / n, rel=3e-3)
-
-
-def test_dissipation_converges_where_the_std_depends_on_the_cut():
-    def at(cut, name):
-        cell = vi.parameter_map(OSC, omega=[0.1], indices=[name], tolerances=vi.Tolerances(chatter=cut))
-        return float(cell[name][0])
-
-    assert at(1e-6, "dissipation") == pytest.approx(at(1e-9, "dissipation"), rel=1e-11)
-    assert abs(at(1e-6, "std") - at(1e-9, "std")) > 0.005
-
-
-def test_equal_phases_have_no_spread_and_opposite_ones_all():
-    one = vi.parameter_map(OSC, omega=[2.0], indices=["impact_phase_spread"])
-    assert float(one["impact_phase_spread"][0]) == pytest.approx(0.0, abs=1e-12)
-    section = vi.impact_section(OSC.replace(omega=2.8))
-    expected = 1 - abs(np.exp(2j * np.pi * section["phase"].values).mean())
-    chaos = vi.parameter_map(OSC, omega=[2.8], indices=["impact_phase_spread"])
-    assert float(chaos["impact_phase_spread"][0]) == pytest.approx(expected, abs=1e-12)
-
-
-def test_the_margin_of_a_cycle_falls_to_zero_where_it_grazes(values):
-    graze = float(values["grazing_w_of_n=1"][0]["w"])
-    steps = np.array([1e-6, 1e-5, 1e-4])
-    cells = [
-        vi.parameter_map(OSC, omega=[graze + step], start=near(graze + step), indices=["grazing_margin", "n_impacts"])
-        for step in steps
-    ]
-    margins = np.array([float(cell["grazing_margin"][0]) for cell in cells])
-    assert (margins > 0).all()
-    np.testing.assert_allclose(margins / margins[-1], steps / steps[-1], rtol=1e-2)
-
-
-def near(omega):
-    """Return a state on the period-1 impact-1 orbit."""
-    return find_orbit(OSC.replace(omega=omega))[0].start
-
-
-@pytest.mark.parametrize("omega", [0.1, 0.2, 0.45, 0.95, 1.4, 2.8])
-def test_the_margin_is_the_least_dip_of_a_finely_sampled_flight(omega):
-    osc = OSC.replace(omega=omega)
-    cell = vi.parameter_map(
-        osc, omega=[omega], start=vi.State(-1.0), transient_impacts=1000, sample_impacts=300, indices=["grazing_margin"]
-    )
-    hits = vi.impact_section(osc, start=vi.State(-1.0), transient_impacts=1000, sample_impacts=300)["time"].values
-    periods = int(hits[-1] / osc.period) + 1
-    orbit = vi.simulate(osc, start=vi.State(-1.0), periods=periods, samples_per_period=2000)
-    time, gap = orbit["time"].values, osc.gap - orbit["displacement"].values
-    dips = np.flatnonzero((gap[1:-1] < gap[:-2]) & (gap[1:-1] <= gap[2:])) + 1
-    dips = dips[(time[dips] > hits[0]) & (time[dips] < hits[-1])]
-    every = orbit["impact_time"].values
-    beside = np.abs(time[dips][:, None] - every[None, :]).min(axis=1) if dips.size else np.empty(0)
-    dips = dips[beside > 2 * osc.period / 2000]
-    expected = gap[dips].min() if dips.size else math.inf
-    if math.isinf(expected):
-        assert math.isinf(float(cell["grazing_margin"][0]))
-    else:
-        assert float(cell["grazing_margin"][0]) == pytest.approx(expected, abs=2e-4)
-
-
 @pytest.mark.long
 def test_the_witness_tells_the_same():
-    omegas = [0.3, 0.95, 1.4, 2.0, 2.8]
-    settings = {"omega": omegas, "start": vi.State(-1.0), "sample_impacts": 600, "indices": ALL}
+    settings = {"omega": [0.3, 0.95, 1.4, 2.0], "start": FAR, "sample_impacts": 600, "indices": ALL}
     fast, witness = vi.parameter_map(OSC, **settings), vi.parameter_map(OSC, backend="reference", **settings)
-    chaotic = 4
     for name in set(ALL) - {"impacts_per_period"}:  # exactly p/n here, over the window's span there
-        a, b = fast[name].values[:chaotic].astype(float), witness[name].values[:chaotic].astype(float)
+        a, b = fast[name].values.astype(float), witness[name].values.astype(float)
         np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-7, err_msg=name)
 
 
-def test_an_index_that_a_back_end_cannot_tell_is_refused():
-    with pytest.raises(ValueError, match="'fixed-step' does not give the index 'lyapunov', only std"):
-        vi.parameter_map(OSC, omega=[2.0], indices=["lyapunov"], backend="fixed-step")
-
-
-def test_where_the_mass_never_hits_nothing_is_told():
-    cell = vi.parameter_map(OSC.replace(gap=50.0), omega=[3.0], indices=ALL)
-    assert vi.Status(int(cell["status"][0])) == vi.Status.NO_IMPACT
-    for name in ALL:
-        value = cell[name].values[0]
-        assert value == 0 if INDICES[name].dtype == "int32" else math.isnan(value), name
+# Diagrams
 
 
 @pytest.mark.parametrize("direction", ["fresh", "up", "down"])
@@ -352,18 +599,3 @@ def test_hysteresis_shows_in_the_names_of_up_and_down_sweeps():
         for direction in ("up", "down")
     ]
     assert (names[0] != names[1]).any()
-
-
-def test_exponents_of_cycles_are_those_of_the_orbits_that_newton_finds(spread):
-    compared = 0
-    for at in range(0, len(SPREAD), 2):
-        cell = spread[True].isel(omega=at)
-        n, p = int(cell["n_periods"]), int(cell["n_impacts"])
-        if not 0 < n <= 4 or not 0 < p <= 4:
-            continue
-        osc = OSC.replace(omega=SPREAD[at])
-        hits = vi.impact_section(osc, start=vi.State(-1.0), transient_impacts=3000, sample_impacts=1)
-        (orbit,) = find_orbit(osc, n_periods=n, n_impacts=p, near=(float(hits["phase"][0]), float(hits["velocity"][0])))
-        assert float(cell["lyapunov"]) == pytest.approx(orbit.lyapunov, abs=1e-8), (osc.omega, n, p)
-        compared += 1
-    assert compared >= 10

@@ -11,7 +11,7 @@ import pytest
 
 import vibroimpact as vi
 from designs import RARE, random_oscillator
-from vibroimpact.backends import ImpactWindow, cpu
+from vibroimpact.backends import ImpactWindow, scalar
 from vibroimpact.coexistence import measuring
 
 OSC = vi.ImpactOscillator()
@@ -94,7 +94,7 @@ def test_what_ordinary_machines_need_is_granted():
 
 
 def test_where_none_of_some_stiff_motions_ends_the_others_are_not_tried(monkeypatch):
-    monkeypatch.setattr(cpu, "MOST", 1000)  # stiffness is what needs more than that
+    monkeypatch.setattr(scalar, "MOST", 1000)  # stiffness is what needs more than that
     osc, runner = RARE, measuring.Runner(tolerances=vi.Tolerances(steps_per_impact=1))
     status, steps = np.zeros(256, int), np.zeros(256, int)
     for which, outcome in runner.run(measuring.spread_cells(osc.cells({})), ImpactWindow(100, 500)):

@@ -7,10 +7,9 @@ import pytest
 
 import vibroimpact as vi
 from designs import random_designs
-from systems import changed, on_springs
-from vibroimpact.backends.system_rows import in_steps
-from vibroimpact.backends.systems import layout_for
-from vibroimpact.coexistence.measuring import Runner, spread_cells
+from systems import a_random_system, chain, changed, free_masses, on_springs, sticking, system, two_masses
+from vibroimpact.coexistence.measuring import Runner
+from vibroimpact.indices import INDICES as EVERY_INDEX
 from vibroimpact.scales import scale_of
 from vibroimpact.verdict.boundaries import nearest_boundaries
 from vibroimpact.verdict.present import present_motion
@@ -73,6 +72,42 @@ def test_other_factors_scale_settled_cells_to_rounding(plain, scaling, factor):
         )
 
 
+def drawn_with(n):
+    """Return a random system of n coordinates, which damping couples, in front of its stops at rest."""
+    rng = np.random.default_rng(n)
+    while (model := a_random_system(rng, n)).clearances(np.zeros(n)).min() < 0.0:
+        pass
+    return model
+
+
+LINKS = [vi.Stop(direction=a, gap=0.5) for a in ([1, -1, 0], [-1, 1, 0], [0, 1, -1], [0, -1, 1])]
+SYSTEMS_OF_ANY_KIND = {
+    "a chain": chain(),
+    "a moving stop, a constant load": two_masses(),
+    "rests": sticking(),
+    "free masses": free_masses(0),
+    "modes of one frequency": system(np.diag([0.3, 1.1, 0.7]), 0, np.zeros((3, 3)), 1.0, LINKS, {1: [1.0, -1.0, 0.5]}),
+    "six coordinates": drawn_with(6),
+    **{f"on springs, seed {seed}": on_springs(np.random.default_rng([3803, seed])) for seed in range(8)},
+}
+
+
+@pytest.mark.parametrize("unit", ["mass", "length", "time", "all"])
+@pytest.mark.parametrize("name", SYSTEMS_OF_ANY_KIND)
+def test_powers_of_two_scale_every_cell_of_a_system_bit_for_bit(name, unit):
+    system, powers = SYSTEMS_OF_ANY_KIND[name], {"mass": 2.0**-7, "length": 2.0**9, "time": 2.0**5}
+    powers = {one: power if unit in (one, "all") else 1.0 for one, power in powers.items()}
+    mass, length, time = powers.values()
+    window = {"indices": tuple(EVERY_INDEX), "transient_impacts": 50, "sample_impacts": 100}
+    omega = system.omega * np.linspace(0.5, 2.0, 12)
+    plain = vi.parameter_map(system, omega=omega, **window)
+    scaled = vi.parameter_map(changed(system, **powers), omega=omega / time, **window)
+    units = {"m/s": length / time, "1/s": 1 / time, "J": mass * length**2 / time**2, "m": length, "1": 1.0}
+    for index in ("status", *EVERY_INDEX):
+        unit_of = 1.0 if index == "status" else units[EVERY_INDEX[index].units]
+        assert np.array_equal(scaled[index], unit_of * plain[index], equal_nan=True), index
+
+
 def test_shifting_the_start_by_whole_periods_changes_nothing():
     osc = vi.ImpactOscillator(omega=2.8)
     now = vi.impact_section(osc, start=vi.State(-1.0), transient_impacts=0, sample_impacts=20)
@@ -129,18 +164,6 @@ def assert_the_same_in_units(osc, parameters, mass, length, time):
     assert words(here) == words(there), (osc, mass, length, time)
     expected = [*numbers(here, lambda name: unit(name, mass, length, time), speed)]
     assert [*numbers(there, lambda name: 1.0, 1.0)] == pytest.approx(expected, rel=1e-9, nan_ok=True)
-
-
-def test_what_kernels_are_given_of_a_system_has_the_same_digits_in_any_unit():
-    for seed in range(100):
-        rng = np.random.default_rng([3803, seed])
-        system, powers = on_springs(rng), 2.0 ** rng.integers(-9, 10, 3)
-        here, there = (spread_cells(one.cells({}), 4) for one in (system, in_units(system, *powers.tolist())))
-        rows, others = (in_steps(cells, 1e-9, layout_for(cells)) for cells in (here, there))
-        known = (rows != 0.0) & np.isfinite(rows)
-        assert np.array_equal(known, (others != 0.0) & np.isfinite(others)), seed
-        digits, _ = np.frexp(others[known] / rows[known])
-        assert (digits == 0.5).all(), seed
 
 
 @pytest.mark.long

@@ -9,7 +9,6 @@ import vibroimpact as vi
 from designs import RESTS
 from vibroimpact.coexistence.measuring import AT_REST, Runner, cells_of
 from vibroimpact.continuation import continue_boundary
-from vibroimpact.continuation.sticking import sticking_curve
 from vibroimpact.orbits.sticking import closes, end_of_sticking, find_sticking_orbit, from_release, scaling_exponent
 from vibroimpact.recognition import recognise
 
@@ -337,13 +336,23 @@ def default_end():
     return end_of_sticking(vi.ImpactOscillator(), "omega", (0.3, 0.4))
 
 
-def test_without_a_gap_the_end_of_sticking_knows_no_amplitude(default_end):
-    curve = sticking_curve(default_end, ("omega", "amplitude"), ((0.2, 0.5), (0.5, 2.0)), longest=0.1)
-    omega, amplitude = curve.values.T
+@pytest.mark.parametrize("order", [1, -1])
+def test_without_a_gap_the_end_of_sticking_knows_no_amplitude(default_end, order):
+    names, ranges = ("omega", "amplitude")[::order], ((0.2, 0.5), (0.5, 2.0))[::order]
+    curve = continue_boundary(default_end, names, ranges, step=0.02)
+    omega, amplitude = curve.values.T[::order]
     assert curve.outcome == ("range", "range")
     assert omega == pytest.approx(END, rel=1e-14)
     assert sorted((amplitude[0], amplitude[-1])) == pytest.approx([0.5, 2.0], rel=1e-14)
     assert np.array(curve.touch_phases) == pytest.approx(0.5)
+
+
+def test_a_curve_that_begins_on_the_edge_of_the_ranges_leads_away_from_it(default_end):
+    curve = continue_boundary(default_end, ("omega", "mass"), ((default_end.value, 0.6), (0.5, 2.0)), step=0.02)
+    assert curve.outcome == ("range", "range")
+    assert curve.values[-1].tolist() == [default_end.value, 1.0]
+    assert curve.values[0, 1] == 0.5
+    assert len(curve.orbits) > 30
 
 
 def test_a_curve_of_ends_of_sticking_may_be_stopped_on_request(default_end):
@@ -364,7 +373,7 @@ def test_a_curve_of_ends_of_sticking_may_be_stopped_on_request(default_end):
     ],
 )
 def test_all_along_the_curve_the_stuck_time_is_zero_and_sticking_lies_on_one_side(default_end, names, ranges):
-    curve = sticking_curve(default_end, names, ranges, longest=0.05)
+    curve = continue_boundary(default_end, names, ranges, step=0.02)
     assert curve.outcome == ("range", "range"), curve.message
     assert len(curve.orbits) > 10
     assert max(curve.residuals) < 1e-10
@@ -375,7 +384,8 @@ def test_all_along_the_curve_the_stuck_time_is_zero_and_sticking_lies_on_one_sid
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
 
     def sticks(point):
-        osc = default_end.oscillator.replace(**dict(zip(names, map(float, point), strict=True)))
+        values = np.clip(point, *np.transpose(ranges))
+        osc = default_end.oscillator.replace(**dict(zip(names, map(float, values), strict=True)))
         return bool(find_sticking_orbit(osc, n_periods=1, longest=1))
 
     for shift in (0.02, 1e-3):
@@ -385,7 +395,7 @@ def test_all_along_the_curve_the_stuck_time_is_zero_and_sticking_lies_on_one_sid
 
 
 def test_the_curve_passes_through_ends_found_one_by_one(default_end):
-    curve = sticking_curve(default_end, ("omega", "mass"), ((0.1, 2.0), (0.1, 5.0)), longest=0.1)
+    curve = continue_boundary(default_end, ("omega", "mass"), ((0.1, 2.0), (0.1, 5.0)), step=0.02)
     omega, mass = curve.values.T
     for at in range(0, len(curve.orbits), 4):
         osc = vi.ImpactOscillator(mass=mass[at])
@@ -395,7 +405,7 @@ def test_the_curve_passes_through_ends_found_one_by_one(default_end):
 
 def test_a_tongue_of_period_2_sticking_is_followed_around_its_tip():
     start = end_of_sticking(vi.ImpactOscillator(), "omega", (3.005, 3.0125))
-    curve = sticking_curve(start, ("omega", "restitution"), ((2.9, 3.1), (0.6, 0.99)), longest=0.1)
+    curve = continue_boundary(start, ("omega", "restitution"), ((2.9, 3.1), (0.6, 0.99)), step=0.02)
     assert curve.outcome == ("range", "range"), curve.message
     # At the tip a graze lies on the curve: there the stuck time has an infinite slope, and the root of 1e-16 is left.
     assert max(curve.residuals) < 1e-7

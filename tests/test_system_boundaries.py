@@ -9,7 +9,7 @@ from test_system_continuation import GRAVITY, ball, of_the_ball, points, symmetr
 from test_system_orbits import facing, three_masses, two_sided
 from vibroimpact.continuation import Boundaries, boundary_curves, continue_boundary, continue_orbit, coverage, curves
 from vibroimpact.continuation.curves import curves_through
-from vibroimpact.continuation.results import SYSTEM_KINDS
+from vibroimpact.continuation.results import kinds_of
 from vibroimpact.dataset import bundle
 from vibroimpact.orbits import find_orbit, orbit_distance
 from vibroimpact.report import sentences_of
@@ -146,7 +146,7 @@ def test_the_motion_of_a_cell_is_followed_to_the_pitchfork_that_ends_it(pitchfor
 
 def test_what_was_looked_for_is_said():
     found = Boundaries()
-    curves._describe(found, None, [1], ["fold", "pitchfork"], SYSTEM_KINDS, finished=True)
+    curves._describe(found, None, [1], ["fold", "pitchfork"], kinds_of(ball), finished=True)
     assert found.message == (
         "fold and pitchfork only; looked for period-1 impact-1, and symmetric orbits with an impact in each half, on "
         "lines across the plane only; other motions end elsewhere"

@@ -7,51 +7,37 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from systems import impacts, linear, outcome, system
+from systems import impacts, linear, system, two_masses
 from vibroimpact import Status
 from vibroimpact.backends.reference.systems import follow
 
-
-@pytest.mark.parametrize("together", [0.0, 3.0])
-@pytest.mark.parametrize("load", [0.0, -2.0])
-def test_two_free_masses_that_have_parted_are_given_up_whatever_both_do(load, together):
-    load, still = [load, load], np.zeros((2, 2))
-    rigid, soft = (vi.Stop(direction=[1, -1], gap=1.0, **how) for how in ({"restitution": 0.5}, {"stiffness": 40.0}))
-    pair = system(np.eye(2), 0, still, 1.0, [rigid], constant=load)
-    assert outcome(pair, start=vi.State([0, 0], [together + 0.478, together + 0.999])) == Status.NO_IMPACT
-    assert outcome(pair, start=vi.State([0, 0], [together + 0.999, together])) == Status.STOPPED_IMPACTING
-    hits = impacts(pair, 1, start=vi.State([0, 0], [together + 1e-3, together]))  # no faster they meet after 1,000 s
-    assert hits["velocity"].values == pytest.approx([1e-3], rel=1e-9)
-    pair = system(np.eye(2), 0, still, 1.0, [soft], constant=load)
-    assert outcome(pair, start=vi.State([0, 0], [together + 0.999, together])) == Status.STOPPED_IMPACTING
+OK = {Status.OK, Status.SHORT_WINDOW}
+NONE, CEASE, STAYS = {Status.NO_IMPACT}, {Status.STOPPED_IMPACTING}, {Status.STUCK_FOREVER}
+BOUNCY = vi.Stop(direction=1, gap=1.0, restitution=0.5)
+STILL, APART = np.zeros((2, 2)), np.array([[1.0, -1.0], [-1.0, 1.0]])
 
 
-def test_two_free_masses_that_meet_without_rebound_or_force_stay_together():
-    pair = system(np.eye(2), 0, np.zeros((2, 2)), 1.0, [vi.Stop(direction=[1, -1], gap=1.0, restitution=0.0)])
-    assert outcome(pair, start=vi.State([0, 0], [1.0, 0.0])) == Status.STUCK_FOREVER
+def pair(load=0.0, gap=1.0, damper=0.0, **stop):
+    """Return two free masses, the first one of which may strike the second; `load` moves both, a damper joins them."""
+    stops = [vi.Stop(direction=[1, -1], gap=gap, **stop)]
+    return system(np.eye(2), damper * APART, STILL, 1.0, stops, constant=[load, load])
 
 
-def test_masses_with_a_damper_between_them_part_until_it_has_stopped_them():
-    """From 1 m/s apart and 1 to brake, they have 1 m to go: enough, or not."""
-    pairs = {gap: system(np.eye(2), 0.5 * np.array([[1, -1], [-1, 1]]), np.zeros((2, 2)), 1.0,
-                         [vi.Stop(direction=[1, -1], gap=gap, restitution=0.5)]) for gap in (0.99, 1.01)}  # fmt: skip
-    start = vi.State([0, 0], [7.0, 6.0])
-    assert [outcome(pairs[gap], start=start) for gap in pairs] == [Status.STOPPED_IMPACTING, Status.NO_IMPACT]
+def free_mass(damping, constant, beside=False):
+    """Return a mass that drag and a load alone hold, or the same beside one on a spring that it does not feel."""
+    if not beside:
+        return system(1, damping, 0, 1.0, [BOUNCY], {1: 0.001}, constant=[constant])
+    matrices = np.eye(2), np.diag([damping, 0.1]), np.diag([0.0, 1.0])
+    return system(*matrices, 1.0, [BOUNCY.replace(direction=[1, 0])], {1: [0.001, 0.3]}, constant=[constant, 0.0])
 
 
-@pytest.mark.parametrize(("share", "outcomes"), [(0.97, {Status.NO_IMPACT}), (1.03, {Status.OK, Status.SHORT_WINDOW})])
-def test_a_steady_motion_of_several_harmonics_is_clear_of_a_stop_beyond_its_peak(share, outcomes):
-    """The sum of the amplitudes is beyond the stop: it says nothing."""
-    omega, orders, loads = 1.0, (1, 2, 3), (1.0, 0.6, -0.8)
-    times, response = np.linspace(0, 2 * np.pi, 20001), 0.0
-    for h, p in zip(orders, loads, strict=True):
-        response = response + (p / (4 - h * h * omega**2 + 0.3j * h * omega) * np.exp(1j * h * times)).imag
-    gap = response.max() / share
-    amplitudes = sum(abs(p / (4 - h * h + 0.3j * h)) for h, p in zip(orders, loads, strict=True))
-    assert gap < 0.99 * amplitudes
-    model = system(1, 0.3, 4, omega, [vi.Stop(direction=1, gap=gap, restitution=0.5)],
-                   {h: [p] for h, p in zip(orders, loads, strict=True)})  # fmt: skip
-    assert outcome(model, 40) in outcomes
+def swinging(share):
+    """Return a mass driven by three harmonics: its steady peak is at a share of the gap, their sum beyond."""
+    times, loads = np.linspace(0, 2 * np.pi, 20001), {1: 1.0, 2: 0.6, 3: -0.8}
+    parts = {h: p / (4 - h * h + 0.3j * h) for h, p in loads.items()}
+    gap = sum((part * np.exp(1j * h * times)).imag for h, part in parts.items()).max() / share
+    assert gap < 0.99 * sum(map(abs, parts.values()))
+    return system(1, 0.3, 4, 1.0, [vi.Stop(direction=1, gap=gap, restitution=0.5)], loads)
 
 
 def pressed(preload, damping=0.0):
@@ -61,14 +47,119 @@ def pressed(preload, damping=0.0):
     return system(np.eye(2), damping * springs, springs, 1.7, [stop], {1: [0.0, 0.1]})
 
 
-@pytest.mark.parametrize("damping", [0.0, 0.05])
-@pytest.mark.parametrize(("share", "stays"), [(0.99, False), (1.01, True), (30.0, True)])
-def test_a_mass_pressed_to_its_stop_beside_one_that_moves_is_permanently_in_contact(share, stays, damping):
-    """The second stands at minus the preload and swings by .1/(1 - w^2 + i c w)."""
+def beside_one_that_swings(share, damping):
+    """Return such masses on their steady motion: the second stands at minus the preload, and swings."""
     swing = 0.1 / (1.0 - 1.7**2 + 1.7j * damping)
     preload = share * abs(swing)
-    start = vi.State([-preload, -preload + swing.imag], [0.0, 1.7 * swing.real])
-    assert (outcome(pressed(preload, damping), start=start) == Status.STUCK_FOREVER) == stays
+    return pressed(preload, damping), vi.State([-preload, -preload + swing.imag], [0.0, 1.7 * swing.real])
+
+
+def on_a_spring(force, **numbers):
+    """Return a mass on a compliant stop, with a load."""
+    given = {"stiffness": 0.0, "damping": 0.0, "constant": 0.0, "k": 10.0, "c": 0.0} | numbers
+    stop = vi.Stop(direction=1, gap=0.0, stiffness=given["k"], damping=given["c"])
+    return system(1, given["damping"], given["stiffness"], 1.3, [stop], {1: force}, constant=[given["constant"]])
+
+
+def corner():
+    """Return a mass that a load presses between two stops."""
+    sides = ([1, 0.3], 0.7), ([-0.3, 1], 0.5)
+    stops = [vi.Stop(direction=a, gap=0.0, restitution=r) for a, r in sides]
+    return system(np.eye(2), 0, STILL, 0.1, stops, constant=[1.0, 1.3])
+
+
+SEAT, BAR = vi.Stop(direction=[1, 0], gap=0.0, restitution=0.5), vi.Stop(direction=[0, 1], gap=0.2, restitution=0.7)
+PRELOADED = {"stiffness": 1.0, "damping": 0.4, "k": 3.0, "constant": 1.0}
+GAIN = 4.0 / abs(4.0 - 1.3**2 + 0.4j * 1.3)  # of d'' + .4 d' + 4 d = 1 + f/G sin wt, where the stop pushes with 3 d
+TOUCHED = {f"rests at {name}, damping {c}": system(1, c, k, 1.0, [stop]) for name, stop in {
+    "a spring": vi.Stop(direction=1, gap=0.0, stiffness=10.0),
+    "a spring and a damper": vi.Stop(direction=1, gap=0.0, stiffness=10.0, damping=0.5),
+    "a rigid stop": vi.Stop(direction=1, gap=0.0),
+}.items() for c, k in ((0.0, 1.0), (0.1, 1.0), (0.1, 0.0))}  # fmt: skip
+ENDINGS = {
+    **{f"parted, both at {v}, under {load}, {next(iter(stop))}": (
+        pair(load, **stop), vi.State([0, 0], [v + 0.999, v]), CEASE)
+       for v in (0.0, 3.0) for load in (0.0, -2.0) for stop in ({"restitution": 0.5}, {"stiffness": 40.0})},
+    **{f"parting, both at {v}, under {load}": (
+        pair(load, restitution=0.5), vi.State([0, 0], [v + 0.478, v + 0.999]), NONE)
+       for v in (0.0, 3.0) for load in (0.0, -2.0)},
+    "meet without rebound": (pair(restitution=0.0), vi.State([0, 0], [1.0, 0.0]), STAYS),
+    # From 1 m/s apart and 1 to brake, they have 1 m to go: enough, or not.
+    "a damper stops them late": (pair(gap=0.99, damper=0.5, restitution=0.5), vi.State([0, 0], [7.0, 6.0]), CEASE),
+    "a damper stops them early": (pair(gap=1.01, damper=0.5, restitution=0.5), vi.State([0, 0], [7.0, 6.0]), NONE),
+    "a free mass leaves": (system(1, 0, 0, 1.0, [BOUNCY]), vi.State([0.0], [-1.0]), NONE),
+    "a free mass never moves": (system(1, 0, 0, 1.0, [BOUNCY]), None, NONE),
+    "two masses never move": (two_masses(force=vi.Force(omega=8.0), stops=[BAR]), None, NONE),
+    "a free mass hits once": (system(1, 0, 0, 1.0, [BOUNCY]), vi.State([0.0], [1.0]), CEASE),
+    **{f"damping {c}, under {load}, at {v}, {'beside another' if beside else 'alone'}": (
+        free_mass(c, load, beside), vi.State([0.0, 0.0][:1 + beside], [v, 0.0][:1 + beside]), ends)
+       for c, load, v, ends in (
+           (0.0, -1.0, 1.3, NONE),  # thrown to 0.845 of the way, it falls back
+           (0.0, -1.0, 1.5, CEASE),
+           (1.0, 0.0, 0.9, NONE),  # drag stops it after 0.9
+           (1.0, 0.0, 1.1, CEASE),
+           (0.0, 1.0, -5.0, STAYS),  # it comes back and stays; beside it the other moves on
+           (1.0, 1.0, -5.0, STAYS),
+       ) for beside in (False, True)},
+    "swings short of the stop": (swinging(0.97), None, NONE),
+    "swings beyond the stop": (swinging(1.03), None, OK),
+    **{f"pressed {share} times as much as needed, damping {c}": (
+        *beside_one_that_swings(share, c), STAYS if share > 1 else OK)
+       for share in (0.99, 1.01, 30.0) for c in (0.0, 0.05)},
+    "never released": (system(1, 0.1, 1, 1.0, [vi.Stop(direction=1, gap=0.1)], {1: 0.5}, constant=[2.0]), None, STAYS),
+    "a corner": (corner(), vi.State([-1.0, -1.0], [0.0, 0.0]), STAYS),
+    **{name: (model, None, STAYS) for name, model in TOUCHED.items()},
+    "a weight on a spring": (on_a_spring(0.1, k=100.0, c=2.0, constant=5.0), None, STAYS),
+    "pressed from rest": (on_a_spring(0.0, damping=0.1, constant=1.0), vi.State(0.0), STAYS),
+    "pushed by a preloaded stop": (on_a_spring(0.9 / GAIN, **PRELOADED), None, STAYS),
+    "not always pushed": (on_a_spring(1.1 / GAIN, **PRELOADED), None, OK | CEASE),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ENDINGS)
+def test_each_motion_of_a_system_ends_with_its_status_in_a_section_and_in_a_map(name, modal_engine):
+    model, start, outcomes = ENDINGS[name]
+    number = 1000 if name == "a corner" else 100
+    how = {"start": start, "transient_impacts": 0, "sample_impacts": number}
+    hits, cell = (
+        vi.impact_section(model, **how),
+        vi.parameter_map(model, omega=[model.omega], early_closing=False, **how),
+    )
+    assert Status(int(hits["status"])) in outcomes
+    assert Status(int(cell["status"][0])) in outcomes
+    if outcomes is NONE or (name.startswith(("rests", "pressed from")) and outcomes is STAYS):
+        assert hits.sizes["impact"] == 0
+
+
+def test_masses_that_part_slowly_are_waited_for():
+    """No faster than 1 mm/s they meet after 1,000 s."""
+    hits = impacts(pair(restitution=0.5), 1, start=vi.State([0, 0], [1e-3, 0.0]))
+    assert hits["velocity"].values == pytest.approx([1e-3], rel=1e-9)
+
+
+def test_in_a_corner_both_stops_are_struck_ever_more_softly():
+    hits = impacts(corner(), 1000, start=vi.State([-1.0, -1.0], [0.0, 0.0]))
+    assert sorted(set(hits["stop"].values)) == ["stop_1", "stop_2"]
+    assert hits["velocity"].values[-1] < 1e-6
+
+
+def test_a_weight_on_a_spring_stays_where_its_spring_bears_it():
+    weight = on_a_spring(0.1, k=100.0, c=2.0, constant=5.0)
+    rest = vi.simulate(weight, periods=400, samples_per_period=8)["displacement"].values[-8:, 0]
+    assert np.abs(rest - 0.05).max() < 2e-3
+
+
+def test_a_stop_that_is_closed_before_and_after_a_window_makes_it_sticking():
+    both = system(
+        np.eye(2), 0.1 * np.eye(2), [[2, -0.1], [-0.1, 1]], 1.3, [SEAT, BAR], {1: [0, 1]}, constant=[5.0, 0.0]
+    )
+    hits = impacts(both, 40, 10)
+    cell = vi.parameter_map(both, omega=[1.3], transient_impacts=10, sample_impacts=40)
+    assert Status(int(hits["status"])) == Status(int(cell["status"][0])) == Status.STICKING
+    hits = impacts(both, 30)
+    assert set(hits["stop"].values) == {"stop_2"}
+    assert hits["stick_stop"].values.tolist() == ["stop_1"]
+    assert np.isnan(hits["release_time"].values[0])
 
 
 def test_all_that_is_said_of_a_mass_pressed_to_its_stop_agrees():

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from codes import Engine, differences, later
 from designs import RESTS
-from systems import beside_its_centre, free_masses, one_mass
+from systems import beside_its_centre, between_stops, chain, free_masses, one_mass, sticking, system
 from test_system_orbits import bouncing_ball
-from vibroimpact import models
 from vibroimpact.backends.system_carry import Carrier
+from vibroimpact.contact import hunt_crossley, piecewise
 from vibroimpact.motion import MotionClass, decide
 from vibroimpact.options import Tolerances
 from vibroimpact.oscillator import ImpactOscillator
@@ -20,42 +21,56 @@ pytestmark = pytest.mark.usefixtures("modal_engine")
 NAMED = ("n_periods", "n_impacts", "lyapunov_per_impact")
 
 
-def chain(**changes):
-    K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
-    given = {
-        "mass": np.eye(3),
-        "damping": 0.02 * K,
-        "stiffness": K,
-        "force": vi.Force(omega=0.9, harmonics={1: [1.0, 0.0, 0.0]}),
-        "stops": [vi.Stop(direction=[0, 0, 1], gap=0.5, restitution=0.7)],
-    }
-    return vi.ImpactSystem(**given | changes)
-
-
 def index(model, *names, **how):
     given = {"omega": [model.omega], "indices": names, "sample_impacts": 3000} | how
     found = vi.parameter_map(model, **given)
     return [float(found[name].item()) for name in names]
 
 
-@pytest.mark.parametrize("coupled", [False, True])
-def test_the_exponent_of_a_cycle_is_that_of_its_multipliers(coupled):
-    gyroscopic = np.array([[0.0, 0.03, 0.0], [-0.03, 0.0, 0.01], [0.0, -0.01, 0.0]])
-    system = chain(damping=0.02 * chain().stiffness + gyroscopic) if coupled else chain()
-    (orbit,) = (orbit for orbit in vi.find_orbit(system) if orbit.stable)
-    found, periods, impacts = index(system, "lyapunov", "n_periods", "n_impacts", transient_impacts=500)
-    assert found == pytest.approx(orbit.lyapunov, abs=2.0 / (3000 * orbit.period))  # complex: 1/N
-    assert (periods, impacts) == (1, 1)
+def knocking(omega, c):
+    """Return a mass between two springs; a damper that begins to push makes a deviation jump."""
+    one, other = (1.0, 0.3, 50.0, c), (-1.0, 0.5, 20.0, 0.4)
+    stops = [vi.Stop(direction=side, gap=gap, stiffness=k, damping=d) for side, gap, k, d in (one, other)]
+    return system(1.0, 0.2, 1.0, omega, stops, {1: 1.0})
 
 
-def test_two_stops_have_the_exponent_of_both():
-    system = models.two_sided_oscillator()
-    orbits = [orbit for orbit in vi.find_orbit(system, n_impacts=2) if orbit.stable and orbit.admissible]
-    if not orbits:
-        pytest.skip("the model's defaults have no stable symmetric motion")
-    found, impacts = index(system, "lyapunov", "n_impacts", transient_impacts=500)
-    assert impacts == 2
-    assert found == pytest.approx(orbits[0].lyapunov, rel=1e-9)
+def under(law):
+    """Return a chain whose stop has a law of restitution."""
+    return chain(stops=[vi.Stop(direction=[0, 0, 1], gap=0.5, restitution=law)])
+
+
+GYROSCOPIC = np.array([[0.0, 0.03, 0.0], [-0.03, 0.0, 0.01], [0.0, -0.01, 0.0]])
+PIECES = piecewise([0.05, 0.3, 1.0, 2.5], [0.9, 0.8, 0.5, 0.45])
+COMPLEX = {"abs": 2.0 / (3000 * chain().period)}  # 1/N of a complex pair
+CYCLES = {  # a system, the phase at which it touches no stop, and how closely sums over 3000 impacts give the exponent
+    "chain": (chain(), 0.0, COMPLEX),
+    "coupled by a gyroscope": (chain(damping=0.02 * chain().stiffness + GYROSCOPIC), 0.0, COMPLEX),
+    "two stops": (vi.models.two_sided_oscillator(), 0.0, {"rel": 1e-6}),
+    "hunt and crossley": (under(hunt_crossley(damping=0.3)), 0.0, COMPLEX),
+    "piecewise": (under(PIECES), 0.0, COMPLEX),
+    # One stop closes, the other is struck meanwhile.
+    "sticking": (sticking(), 0.55, {"abs": 1e-5}),
+    **{f"springs, w={omega}": (knocking(omega, c), 0.0, {"rel": 2e-3})
+       for omega, c in ((0.9, 0.9), (1.1, 0.0), (1.9, 0.9), (2.4, 2.5))},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CYCLES)
+def test_the_exponent_of_a_cycle_is_that_of_differences(name):
+    """The map over a cycle by central differences of motions; its spectral radius is that of the orbit, too."""
+    model, phase, near = CYCLES[name]
+    found, periods = index(model, "lyapunov", "n_periods", transient_impacts=3000)
+    assert periods > 0
+    looks = vi.stroboscopic_section(model, phase=phase, transient_periods=1000, sample_periods=1)
+    state, begin = np.concatenate([looks.displacement.values[0], looks.velocity.values[0]]), phase * model.period
+    assert later(Engine(), model, state, begin, periods) == pytest.approx(state, abs=1e-9)
+    radius = max(abs(np.linalg.eigvals(differences(Engine(), model, state, begin, periods, step=1e-5))))
+    assert found == pytest.approx(math.log(radius) / (periods * model.period), **near)
+    for orbit in vi.find_orbit(model, n_impacts=len(model.stops)) if not model.stops[0].compliant else ():
+        if name != "sticking" and orbit.stable and orbit.admissible:
+            assert name != "two stops" or found == pytest.approx(orbit.lyapunov, rel=1e-9)
+            assert orbit.spectral_radius == pytest.approx(radius, rel=1e-7)
+            assert orbit.determinant == pytest.approx(np.prod(orbit.multipliers).real, rel=1e-9)
 
 
 def test_one_mass_has_the_motions_of_the_oscillator():
@@ -83,57 +98,7 @@ def test_a_closed_stop_leaves_a_coupled_mode_its_neighbours():
     assert -1.0 < found < 1.0
 
 
-def test_the_exponent_of_a_motion_that_sticks_is_that_of_differences():
-    """One stop closes, the other is struck meanwhile: the map over a cycle, by central differences."""
-    stops = [
-        vi.Stop(direction=[1, 0], gap=0.0, restitution=0.0),
-        vi.Stop(direction=[0, 1], gap=0.3, restitution=0.6),
-    ]
-    system = vi.ImpactSystem(
-        mass=np.eye(2),
-        damping=[[0.05, -0.02], [-0.02, 0.05]],
-        stiffness=[[2.0, -1.0], [-1.0, 2.0]],
-        force=vi.Force(omega=0.4, harmonics={1: [1.0, -0.8j]}),
-        stops=stops,
-    )
-    periods, _, _ = index(system, *NAMED, transient_impacts=500)
-    assert periods > 0
-    settled = vi.stroboscopic_section(system, phase=0.55, transient_periods=400, sample_periods=1)
-    start = np.concatenate([settled.displacement.values[0], settled.velocity.values[0]])
-    begin = 0.55 * system.period
-
-    def ended(state):
-        begun = vi.State(state[:2].tolist(), state[2:].tolist(), begin)
-        end = vi.simulate(system, start=begun, periods=periods, samples_per_period=1)
-        return np.concatenate([end.displacement.values[-1], end.velocity.values[-1]])
-
-    assert ended(start) == pytest.approx(start, abs=1e-9)
-    columns = [(ended(start + 1e-6 * unit) - ended(start - 1e-6 * unit)) / 2e-6 for unit in np.eye(4)]
-    radius = max(abs(np.linalg.eigvals(np.array(columns).T)))
-    (found,) = index(system, "lyapunov", transient_impacts=500)
-    assert found == pytest.approx(math.log(radius) / (periods * system.period), abs=1e-5)
-
-
-def test_every_known_index_of_a_system_has_the_bits_of_another_grid():
-    grid = vi.parameter_map(chain(), omega=[0.85, 0.9, 0.95], indices=NAMED, sample_impacts=500, workers=1)
-    alone = vi.parameter_map(chain(), omega=[0.9], indices=NAMED, sample_impacts=500, workers=2)
-    for name in NAMED:
-        assert grid[name].values[1] == alone[name].values[0]
-
-
 # Quasi-periodic motions: an exponent of 0, and no cycle
-
-
-def between_stops(omega):
-    """Return two masses, the second one between two stops; their symmetric motion loses its stability below 0.967."""
-    K = np.array([[2.9, -1.6], [-1.6, 1.6]])
-    return vi.ImpactSystem(
-        mass=np.diag([1.1, 0.8]),
-        damping=0.017 * K,
-        stiffness=K,
-        force=vi.Force(omega=omega, harmonics={1: [1.0, 0.0]}),
-        stops=[vi.Stop(direction=[0.0, side], gap=0.7, restitution=0.81) for side in (1.0, -1.0)],
-    )
 
 
 def averages(system):
@@ -270,8 +235,8 @@ def test_a_rest_whose_time_rounding_decides_ends_no_cycle(hardest, early):
     """As of one mass: neighbours part by more than 1e13 from one rest to the next, so no rest repeats another."""
     osc = RESTS[hardest]
     far = vi.Stop(direction=-1, gap=50.0 * osc.velocity_scale, restitution=0.5)
-    for system in (one_mass(osc), one_mass(osc, stops=[*one_mass(osc).stops, far])):
-        for model in (osc, system):
+    for one in (one_mass(osc), one_mass(osc, stops=[*one_mass(osc).stops, far])):
+        for model in (osc, one):
             cell = vi.parameter_map(model, omega=[osc.omega], indices=NAMED, early_closing=early).isel(omega=0)
             assert np.isneginf(cell["lyapunov_per_impact"])
             assert (int(cell["n_periods"]), int(cell["n_impacts"])) == (0, -1)

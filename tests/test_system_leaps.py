@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 import vibroimpact as vi
-from systems import a_random_system, two_masses
+from systems import a_random_system
 from vibroimpact.backends.system_rows import in_steps, steps_of
 from vibroimpact.backends.systems import layout_for
 from vibroimpact.kernels.systems.layout import OPEN, STRUCK
@@ -183,24 +183,6 @@ def test_a_neighbour_leaps_as_the_motion_without_load_does(kind):
             )
 
 
-@vi.family
-def dampers_aside(dashpot=0.0):
-    """Return two masses with proportional damping, but for a dashpot on the second one."""
-    return two_masses(damping=[[3.0, -1.0], [-1.0, 1.0 + dashpot]], mass=np.eye(2))
-
-
-def test_a_cell_moves_alike_beside_others_that_dampers_couple():
-    indices = ["std", "lyapunov", "grazing_margin", "n_periods"]
-    assert dampers_aside().modal().decoupled
-    assert not dampers_aside(dashpot=1.0).modal().decoupled
-    alone, beside = (
-        vi.parameter_map(dampers_aside, dashpot=values, indices=indices, transient_impacts=0, sample_impacts=300)
-        for values in ([0.0], [0.0, 0.1, 1.0])
-    )
-    for name in indices:
-        np.testing.assert_array_equal(alone[name].values, beside[name].values[:1])
-
-
 def spread_out(rng, n):
     """Return a random system of which some modes are up to 100 times as fast as others; none is coupled to another."""
     model, rates = a_random_system(rng, n), 10.0 ** rng.uniform(-1, 1, n)
@@ -229,24 +211,6 @@ def test_far_leaps_end_before_a_stop_is_touched_and_where_they_should():
     assert tried > 1000
     assert made > 100
     assert closest < 0.2  # of a swing: the bound is no idle one
-
-
-def test_a_cell_that_leaps_far_has_the_same_bits_beside_one_that_a_damper_couples():
-    @vi.family
-    def design(dashpot=0.0):
-        damping = np.diag([0.02, 0.4]) + dashpot * np.array([[1.0, 1.0], [1.0, 1.0]])
-        stop = vi.Stop(direction=[1, 1], gap=0.5, restitution=0.7)
-        force = vi.Force(omega=0.9, harmonics={1: [1.0, 1.0]})
-        return vi.ImpactSystem(
-            mass=np.eye(2), damping=damping, stiffness=np.diag([1.0, 400.0]), force=force, stops=[stop]
-        )
-
-    assert layout_for(design().cells({})).far
-    names = "std", "mean_velocity", "lyapunov"
-    both = vi.parameter_map(design, dashpot=[0.0, 0.1], indices=names)
-    alone = vi.parameter_map(design, dashpot=[0.0], indices=names)
-    for name in names:
-        assert both[name].values[0] == alone[name].values[0]
 
 
 def test_what_is_seen_within_far_leaps_is_the_motion():

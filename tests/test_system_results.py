@@ -3,15 +3,12 @@
 import numpy as np
 import pytest
 import xarray as xr
-from numpy.testing import assert_array_equal
 
 import systems as make
 import vibroimpact as vi
 from systems import one_mass, two_masses
 from test_system_basins import two_masses as random_masses
 from vibroimpact import models
-from vibroimpact.backends import get_backend
-from vibroimpact.backends.base import ImpactWindow, Measurement, StroboscopicWindow
 from vibroimpact.dataset import model_of
 from vibroimpact.kernels.systems.series import SIZE, trough
 from vibroimpact.motion import motion_name
@@ -42,24 +39,6 @@ def test_the_diagram_of_one_coordinate_is_that_of_the_oscillator(section, direct
     for name in one.data_vars:
         if name != "status":
             np.testing.assert_allclose(system[name], one[name], rtol=1e-9, atol=1e-11)
-
-
-def test_a_fresh_diagram_holds_the_sections_of_its_values():
-    found = vi.bifurcation_diagram(two_masses(), bar_gap=GAPS, **SHORT)
-    names = np.array(found["stop"].attrs["flag_meanings"].split())
-    for gap in GAPS:
-        hits, column = vi.impact_section(two_masses().replace(bar_gap=gap), **SHORT), found.sel(bar_gap=gap)
-        assert np.array_equal(column["velocity"], hits["velocity"])
-        assert np.array_equal(column["phase"], hits["phase"])
-        assert (names[column["stop"].values + 1] == hits["stop"].values).all()
-
-
-def test_a_stroboscopic_diagram_gives_the_coordinate_asked_for():
-    how = {"transient_periods": 20, "sample_periods": 9}
-    found = vi.bifurcation_diagram(two_masses(), section="stroboscopic", coordinate=1, bar_gap=GAPS, **how)
-    looks = vi.stroboscopic_section(two_masses().replace(bar_gap=GAPS[1]), **how)
-    for name in ("displacement", "velocity"):
-        assert np.array_equal(found[name][1], looks[name].isel(coordinate=1))
 
 
 def test_a_motion_carried_to_the_same_value_goes_on():
@@ -109,15 +88,6 @@ def test_a_diagram_of_a_system_is_summed_up_in_words():
 
 
 # Pictures
-
-
-@pytest.fixture
-def shown():
-    """Return the functions of figures; each figure is closed after its test."""
-    import matplotlib.pyplot as plt
-
-    yield vi.plotting
-    plt.close("all")
 
 
 def _points(ax, label):
@@ -514,17 +484,3 @@ def test_a_motion_of_a_system_has_the_name_that_a_map_gives_it():
         assert not found.n_impacts > 0 or len(found.velocities) == len(found.phases) == found.n_impacts
         names.add(found.kind)
     assert {"periodic", "sticking", "chaotic"} <= names
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_what_is_seen_of_a_motion_does_not_hang_on_what_moves_beside_it(seed):
-    """Twenty cells share the lanes, and each is what it is alone, to the bit; so are its contacts and rests."""
-    machine = make.a_random_machine(np.random.default_rng([29, seed]))
-    omega = machine.omega * np.linspace(0.8, 1.2, 20)
-    cells = machine.cells({"omega": omega})
-    for window in (ImpactWindow(3, 40), StroboscopicWindow(1, 30, 0.25, 5)):
-        together = get_backend("cpu").samples(cells, Measurement(window))
-        for at in (0, 7, 19):
-            (alone,) = get_backend("cpu").samples(cells[at : at + 1], Measurement(window))
-            for name in vars(alone):
-                assert_array_equal(getattr(together[at], name), getattr(alone, name), err_msg=name)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from systems import linear, one_mass
-from test_system_closing import sticking
+from systems import linear, one_mass, sticking
 from vibroimpact.backends.reference.systems import follow
 from vibroimpact.backends.system_carry import Carrier
 from vibroimpact.options import Tolerances

@@ -131,11 +131,15 @@ def test_the_first_20_impacts_of_random_oscillators_are_the_witness_s(share):
     agree()
 
 
-@seed(99)
-@settings(max_examples=300, deadline=None, database=None)
-@given(motions())
-def test_the_mass_is_never_beyond_the_stop_by_more_than_rounding(motion):
-    osc, start = motion
-    orbit = vi.simulate(osc, start=start, periods=5, samples_per_period=37)
-    reach = float(np.abs(orbit["displacement"]).max())
-    assert float(orbit["displacement"].max()) <= osc.gap + 4e-16 * max(reach, abs(osc.gap))
+@pytest.mark.parametrize(("backend", "examples"), [("cpu", 300), ("reference", 25)])
+def test_the_mass_is_never_beyond_the_stop_by_more_than_rounding(backend, examples):
+    @seed(99)
+    @settings(max_examples=examples, deadline=None, database=None)
+    @given(motions())
+    def stays_in_front(motion):
+        osc, start = motion
+        orbit = vi.simulate(osc, start=start, periods=5, samples_per_period=37, backend=backend)
+        reach = float(np.abs(orbit["displacement"]).max())
+        assert float(orbit["displacement"].max()) <= osc.gap + 4e-16 * max(reach, abs(osc.gap))
+
+    stays_in_front()

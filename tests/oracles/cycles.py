@@ -22,9 +22,9 @@ def one_impact(osc: Oscillator, n=1):
 
 def _transition(osc: Oscillator, n):
     half, length = osc.c / (2 * osc.m), n * osc.period
-    fast = mp.sqrt(osc.k / osc.m - half**2)
+    fast = mp.sqrt(mp.mpc(osc.k / osc.m - half**2))
     decay = mp.exp(-half * length)
-    return *osc.kick(length), 1 - 2 * decay * mp.cos(fast * length) + decay**2
+    return *osc.kick(length), 1 - 2 * decay * mp.re(mp.cos(fast * length)) + decay**2
 
 
 def stability(osc: Oscillator, hits):

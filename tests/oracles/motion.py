@@ -35,7 +35,7 @@ class Oscillator:
         return mp.im(turned), mp.im(1j * self.w * turned)
 
     def fly(self, t, y, v, tau):
-        """Return (y, y') after a flight of length tau: decaying oscillation about the steady motion (underdamped)."""
+        """Return (y, y') after a flight of length tau: about the steady motion, at any damping but critical."""
         y0, v0 = self.steady(t)
         p, q = self.kick(tau)
         dp, dq = -self.k / self.m * q, p - self.c / self.m * q
@@ -45,10 +45,10 @@ class Oscillator:
     def kick(self, tau):
         """Return what a unit of y and a unit of y' become in y after tau."""
         half = self.c / (2 * self.m)
-        fast = mp.sqrt(self.k / self.m - half**2)
+        fast = mp.sqrt(mp.mpc(self.k / self.m - half**2))
         decay = mp.exp(-half * tau)
-        q = decay * mp.sin(fast * tau) / fast
-        return decay * mp.cos(fast * tau) + half * q, q
+        q = decay * mp.re(mp.sin(fast * tau) / fast)
+        return decay * mp.re(mp.cos(fast * tau)) + half * q, q
 
     def force(self, t):
         """Return m times the acceleration of a mass at rest on the stop."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from time import perf_counter
@@ -389,12 +390,11 @@ def _periods(options: Options, usual: str) -> Any:
 
 
 def _kinds(text: str | None, study: Study) -> tuple[str, ...]:
-    from vibroimpact.continuation.results import KINDS, SYSTEM_KINDS
+    from vibroimpact.continuation.results import kinds_of
 
-    known = KINDS if study.is_one_mass else SYSTEM_KINDS
-    if text is None:
-        return known
-    chosen = tuple(part.strip().replace("-", "_").replace(" ", "_") for part in text.split(","))
+    with refusing():
+        known = kinds_of(study.model)
+    chosen = known if text is None else tuple(re.sub("[- ]", "_", part.strip()) for part in text.split(","))
     if unknown := [kind for kind in chosen if kind not in known]:
         raise WrongRequest(f"unknown `--kind` {unknown[0]!r}; choose from {', '.join(known).replace('_', '-')}")
     return chosen

@@ -1,9 +1,9 @@
 """Branches of periodic orbits along a parameter, and their boundaries in two."""
 
+from vibroimpact.continuation.bifurcations import switch_branch
 from vibroimpact.continuation.boundary import continue_boundary
 from vibroimpact.continuation.branch import continue_orbit
 from vibroimpact.continuation.curves import Boundaries, boundary_curves, curves_through
-from vibroimpact.continuation.points import switch_branch
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, Branch
 from vibroimpact.continuation.windows import follow_all, stable_windows
 

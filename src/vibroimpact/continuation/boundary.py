@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroimpact.continuation.following import (
-    DOUBLING,
-    MOST_POINTS,
-    Equations,
-    Way,
-    both_ways,
-    check_range,
-    check_share,
-    follow,
-)  # fmt: skip
-from vibroimpact.continuation.points import Solution
+from vibroimpact.continuation.equations import DOUBLING, Range
+from vibroimpact.continuation.flights import equations_of
+from vibroimpact.continuation.following import EDGE, MOST_POINTS, Way, both_ways, check_range, check_share, follow
+from vibroimpact.continuation.points import Point
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, course
-from vibroimpact.continuation.sticking import LONGEST_STEP, MOST, Range, sticking_curve
-from vibroimpact.continuation.system import system_of
+from vibroimpact.continuation.sticking import LONGEST_STEP, MOST, Sticking, sticking_curve
 from vibroimpact.model import Model, check_names
-from vibroimpact.orbits.equations import Floats
+from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking import StickingEnd
-from vibroimpact.orbits.systems import AnyOrbit
 from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 
 HALVINGS = 20  # of the step within which the orbits of a boundary become inadmissible
 WORST = 1e-10  # residual of a point
+NEAR = 1e-6  # of the orbit's size: a bifurcation that misses its condition by more is none
 CONDITIONS = {"pitchfork": DOUBLING}  # of half of a cycle
 
 
@@ -128,9 +121,26 @@ def boundary_through(
 
     Along an end of sticking it ends after `most` points to either side.
     """
+    walk: Callable[[float], Iterator[Way]]
     if isinstance(point, StickingEnd):
-        return sticking_curve(point, *plane, min(longest, LONGEST_STEP), report, most)
-    return _traced(*_boundary_system(point, plane), longest, virtual, report)
+        assert point.orbit is not None
+        longest, sticking = min(longest, LONGEST_STEP), Sticking(point.orbit.model, *plane, point.n_periods, report)
+        walk = partial(sticking_curve, sticking, longest, most)
+    else:
+        walk = partial(_walk, _beginning(point, plane), longest, virtual)
+    back, on = both_ways(walk, report)
+    points, ends = [*back.points[:0:-1], *on.points], (back.end, on.end)
+    orbits = [at.orbit for at in points]
+    return Boundary(
+        kind=points[0].kind,
+        parameters=plane.names,
+        orbits=orbits,
+        residuals=[at.residual for at in points],
+        touch_phases=[at.touch_phase for at in points],
+        outcome=ends,
+        message="; ".join([course("curve", orbits, plane.names, ends), *filter(None, (back.why, on.why))]),
+        arguments={"ranges": plane.box, "step": longest, "virtual": virtual},
+    )
 
 
 def check_plane(point: Any, parameters: Any, ranges: Any) -> Plane:
@@ -143,7 +153,7 @@ def check_plane(point: Any, parameters: Any, ranges: Any) -> Plane:
     return check_box(point.orbit.model, parameters, ranges, point.orbit)
 
 
-def check_box(model: Model, parameters: Any, ranges: Any, orbit: AnyOrbit | None = None) -> Plane:
+def check_box(model: Model, parameters: Any, ranges: Any, orbit: Orbit | None = None) -> Plane:
     """Return two different parameters of a model and their ranges, which hold an orbit where one is given."""
     chosen, box = (tuple(given) if isinstance(given, (tuple, list)) else () for given in (parameters, ranges))
     if len(chosen) != 2:
@@ -153,75 +163,46 @@ def check_box(model: Model, parameters: Any, ranges: Any, orbit: AnyOrbit | None
         raise invalid("parameters", parameters, "two different parameters")
     if len(box) != 2:
         raise invalid("ranges", ranges, "two pairs", "give ((lowest, highest), (lowest, highest))")
-    first, second = (check_range(orbit or model, name, span) for name, span in zip(chosen, box, strict=True))
+    first, second = (check_range(model, name, span, orbit) for name, span in zip(chosen, box, strict=True))
     return Plane((chosen[0], chosen[1]), (first, second))
 
 
-def _boundary_system(point: BifurcationPoint, plane: Plane) -> tuple[Equations, Floats]:
-    """Return the equations of a boundary, and the unknown of the point where it begins."""
-    once, z = system_of(point.orbit, *plane)
-    x = once.pack(z)
-    system, x = once.at_graze(x) if point.kind == "grazing" else once.bounded(CONDITIONS.get(point.kind, point.kind), x)
-    if not np.abs(system.misses(x)).max() <= 1e-6:  # nor NaN, where no flight comes near the stop
+def _beginning(point: BifurcationPoint, plane: Plane) -> Point:
+    """Return the point of a boundary at a bifurcation on a branch."""
+    once, z = equations_of(point.orbit, *plane)
+    x, condition = once.pack(z), CONDITIONS.get(point.kind, point.kind)
+    equations, x = once.at_graze(x) if condition == "grazing" else once.bounded(condition, x)
+    if not np.abs(equations.misses(x)).max() <= NEAR:  # nor NaN, where no flight comes near the stop
         what = f"satisfy the condition of a {point.kind.replace('_', ' ')}"
         raise NoBoundary(f"the orbit of `point` does not {what}; take a point from the `special` of a branch")
-    return system, x
-
-
-def _traced(system: Equations, x: Floats, longest: float, virtual: bool, report: Report) -> Boundary:
-    """Return the curve through a point, in both directions."""
-    along = np.ones(len(x))
-    x, made, _ = system.newton(x, system.tangent(x, along))
-    if not made:
+    found, corrections, _ = equations.newton(x, equations.tangent(x, np.ones(len(x))))
+    if not corrections:
         raise NoBoundary("Newton's method does not lead from `point` to its boundary; take another point")
-    walk = partial(_walk, Solution(system, x), system.tangent(x, along), longest, virtual)
-    back, on = both_ways(walk, report)
-    points: list[Solution] = back.points[:0:-1] + on.points
-    orbits, ends = [special.orbit for special in points], (back.end, on.end)
-    return Boundary(
-        kind=points[0].kind,
-        parameters=(system.names[0], system.names[1]),
-        orbits=orbits,
-        residuals=[special.residual for special in points],
-        touch_phases=[special.touch_phase for special in points],
-        outcome=ends,
-        message=course("curve", orbits, system.names, ends),
-        arguments={"ranges": system.ranges, "step": longest, "virtual": virtual},
-    )
+    return Point(equations, found, equations.tangent(found, np.ones(len(found))))
 
 
-def _walk(here: Solution, along: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
+def _walk(first: Point, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
     """Yield, point by point, one direction of a boundary as far as it has been followed."""
-    system, way, at_first = here.system, Way([here]), here.admissible
-    for number, step in enumerate(follow(system, here.x, direction * along, longest)):
-        there, end = Solution(system, step.x), step.end
-        if end == "lost" or there.residual > WORST:
-            there, end = here, "lost"
-        elif not system.in_order(step.x):
-            there, end = here, "impacts_merge"
-        elif not system.is_own(step.x):
-            there, end = here, "resonance"
-        elif at_first and not virtual and not there.admissible:
-            there, end = _last_admissible(here, there), "inadmissible"
-        if there is not here and np.abs(there.x - here.x).max() > 1e-12:  # nor a start on the edge of the ranges again
-            way.points.append(there)
+    last = replace(first, tangent=direction * first.tangent)
+    equations, way, possible = last.equations, Way([last]), last.admissible
+    for number, (point, end) in enumerate(follow(last, longest)):
+        if end == "lost" or point.residual > WORST:
+            point, end = last, "lost"
+        elif not equations.in_order(point.x):
+            point, end = last, "impacts_merge"
+        elif not equations.fits(point.x):
+            point, end = last, "resonance"
+        elif possible and not virtual and not point.admissible:
+            point, end = last.furthest(point, HALVINGS, _admissible), "inadmissible"
+        if np.abs(point.x - last.x).max() > EDGE:  # nor a start on the edge of the ranges again
+            way.points.append(point)
         way.end = end or "budget"
         yield way
         if end or number > MOST_POINTS:
             return
-        here = there
+        last = point
 
 
-def _last_admissible(inside: Solution, outside: Solution) -> Solution:
-    """Return the last point between two at which the boundary is admissible."""
-    for _ in range(HALVINGS):
-        way = outside.x - inside.x
-        found, made, _ = inside.system.newton(inside.x + 0.5 * way, way)
-        if not made:
-            break
-        special = Solution(inside.system, found)
-        if special.admissible and special.residual <= WORST:
-            inside = special
-        else:
-            outside = special
-    return inside
+def _admissible(point: Point) -> bool:
+    """Whether a point is on the boundary, and its orbit can be."""
+    return point.admissible and point.residual <= WORST

@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.following import (
-    MOST_POINTS,
-    Equations,
-    Step,
-    Way,
-    both_ways,
-    check_range,
-    check_share,
-    follow,
-)  # fmt: skip
-from vibroimpact.continuation.points import Point, Solution, between, lost_contact
+from vibroimpact.continuation.bifurcations import between, lost_contact
+from vibroimpact.continuation.equations import Equations
+from vibroimpact.continuation.flights import equations_of
+from vibroimpact.continuation.following import MOST_POINTS, Way, both_ways, check_range, check_share, follow
+from vibroimpact.continuation.points import Point, Solution
 from vibroimpact.continuation.results import Branch, course
-from vibroimpact.continuation.system import system_of
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.orbits.systems import AnyOrbit
 from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 
@@ -33,7 +25,7 @@ SHARP = 30  # halvings of a step: impacts are apart by more than rounding still
 
 
 def continue_orbit(
-    orbit: AnyOrbit,
+    orbit: Orbit,
     parameter: str,
     range: tuple[float, float],
     *,
@@ -126,12 +118,13 @@ def continue_orbit(
     >>> [(point.kind, round(point.value * (100 * np.pi) ** 2 / 9.81, 9)) for point in branch.special]
     [('fold', 1.047197551), ('period_doubling', 1.526823701)]
     """
-    ends = check_range(_checked(orbit), parameter, range)
+    _check_flies(orbit)
+    ends = check_range(orbit.model, parameter, range, orbit)
     longest, virtual = check_share("step", step), truth("virtual", virtual)
-    system, z = system_of(orbit, (parameter,), (ends,))
-    x = _corrected(system, system.pack(z))
+    equations, z = equations_of(orbit, (parameter,), (ends,))
+    x = _corrected(equations, equations.pack(z))
     with reporter(progress, "orbits") as report:
-        down, up = both_ways(partial(_made, system, x, longest, virtual), report)
+        down, up = both_ways(partial(_with_orbits, equations, x, longest, virtual), report)
     special = [special.bifurcation(parameter) for special in down.special[::-1] + up.special]
     orbits = [p.orbit for p in down.points[:0:-1] + up.points]
     message = course("branch", orbits, (parameter,), (down.end, up.end))
@@ -148,51 +141,50 @@ def continue_orbit(
     )
 
 
-def _checked(orbit: Any) -> AnyOrbit:
-    """Return an orbit that flies from impact to impact."""
-    if not isinstance(orbit, Orbit):
+def _check_flies(orbit: Any) -> None:
+    """Refuse what is no orbit, and an orbit that rests at a stop."""
+    if not hasattr(orbit, "check_flies"):
         raise invalid("orbit", orbit, "an Orbit", "give one that find_orbit returned")
     if orbit.n_impacts < 1 or orbit.sticks:
         step = "find it again, value by value, with find_orbit(..., n_impacts=-1, near=orbit)"
         hint = "follow its end of sticking with continue_boundary instead" if orbit.oscillator.forgets else step
         raise invalid("orbit", orbit.name, "an orbit that never rests at the stop", hint)
-    return orbit
 
 
-def _corrected(system: Equations, x: Floats) -> Floats:
+def _corrected(equations: Equations, x: Floats) -> Floats:
     """Return the orbit corrected at its own parameter, or refuse one that does not solve its equations."""
-    found, made, _ = system.newton(x, np.eye(len(x))[-1])
-    if made and np.abs(found - x).max() < 1e-3:
+    found, corrections, _ = equations.newton(x, np.eye(len(x))[-1])
+    if corrections and np.abs(found - x).max() < 1e-3:
         return found
-    if np.abs(system.misses(x)).max() < 1e-9:
+    if np.abs(equations.misses(x)).max() < 1e-9:
         return x  # at a fold: solved, though the parameter does not fix it
     raise ValueError("`orbit` does not return to itself; give a periodic orbit that find_orbit returned")
 
 
-def _made(system: Equations, x: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
+def _with_orbits(equations: Equations, x: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
     """Yield a branch as `walk` does, and make the orbit of each point where its flights are known still."""
-    made = 0
-    for way in walk(system, x, longest, virtual, direction):
-        made += sum(point.orbit is not None for point in way.points[made:])
+    number = 0
+    for way in walk(equations, x, longest, virtual, direction):
+        number += sum(point.orbit is not None for point in way.points[number:])
         yield way
 
 
 def walk(
-    system: Equations, x: Floats, longest: float, virtual: bool, direction: float, strides: int = 1
+    equations: Equations, x: Floats, longest: float, virtual: bool, direction: float, strides: int = 1
 ) -> Iterator[Way]:
     """Yield, point by point, a branch as far as it has been followed, down (-1) or up (1) the parameter.
 
     Where no test along it falls by half, steps are up to `strides` times as long.
     """
-    along = direction * system.tangent(x, np.eye(len(x))[-1])
-    way = Way([Point(system, x, along)])
+    along = direction * equations.tangent(x, np.eye(len(x))[-1])
+    way = Way([Point(equations, x, along)])
     while True:
         graze = yield from _walk_to_graze(way, longest, virtual, strides)
         if graze is None:
             break
-        here = way.points[-1]
-        way.points.append(Point(graze.system, graze.x, here.tangent))
-        further = graze.system.beyond(graze.x, math.copysign(1.0, graze.on_branch[-1] - here.x[-1]))
+        before = way.points[-1]
+        way.points.append(Point(graze.equations, graze.x, before.tangent))
+        further = graze.equations.beyond(graze.x, math.copysign(1.0, graze.on_branch[-1] - before.x[-1]))
         if further is None:
             break
         way.points.append(Point(*further))
@@ -201,86 +193,73 @@ def walk(
 
 def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Generator[Way, None, Solution | None]:
     """Yield, point by point, a branch to its end or to a graze beyond which other equations hold, and return that."""
-    here = way.points[-1]
-    system = here.system
-    for step, there in _dense(system, here, follow(system, here.x, here.tangent, strides * longest), longest):
-        if step.end == "lost" or not system.in_order(step.x):
-            way.end = "lost" if step.end == "lost" else "impacts_merge"
-            graze = None if step.end == "lost" else lost_contact(here, there)
-            if graze is not None:
+    before = way.points[-1]
+    equations = before.equations
+    for after, end in _dense(before, follow(before, strides * longest), longest):
+        if end == "lost":
+            way.end = "lost"
+            return None
+        if not equations.in_order(after.x):
+            graze = lost_contact(before, after)
+            if graze is None:
+                way.end = "impacts_merge"
+                way.points.append(before.furthest(after, SHARP, lambda point: equations.in_order(point.x)))
+            else:
                 way.end = "grazing"
                 way.special.append(graze)
-            elif way.end == "impacts_merge":
-                way.points.append(_last(here, there, lambda point: system.in_order(point.x)))
             return graze
-        halved = _halved(here, there)
+        halved = _halved(before, after)
         if halved is not None:
             way.special.append(halved)
             way.end = halved.kind
             return None
-        for special in between(here, there):
+        for special in between(before, after):
             way.special.append(special)
-            if special.system.soft:
+            if special.equations.soft:
                 way.end = "grazing"
                 return special
             part = special.on_branch
-            way.points.append(Point(system, part, system.tangent(part, here.tangent)))
-            if special.kind == "grazing" and here.clear and not virtual:
+            way.points.append(before.at(part))
+            if special.kind == "grazing" and before.clear and not virtual:
                 way.end = "grazing"
                 return None
-        if not virtual and here.clear and not there.clear:
+        if not virtual and before.clear and not after.clear:
             way.end = "inadmissible"
-            way.points.append(_last(here, there, lambda point: point.clear))
+            way.points.append(before.furthest(after, SHARP, lambda point: point.clear))
             return None
-        way.points.append(there)
-        here = there
-        way.end = step.end or "budget"
-        if step.end or len(way.points) > MOST_POINTS:
+        way.points.append(after)
+        before = after
+        way.end = end or "budget"
+        if end or len(way.points) > MOST_POINTS:
             return None
         yield way
     return None
 
 
-def _dense(system: Equations, here: Point, steps: Iterable[Step], longest: float) -> Iterator[tuple[Step, Point]]:
-    """Yield the steps of a curve and their points, with points between where a longer step nears a bifurcation."""
-    for step in steps:
-        there = Point(system, step.x, step.tangent)
-        for part in [] if step.end == "lost" else _inside(here, there, longest):
-            yield Step(part.x, part.tangent), part
-        yield step, there
-        here = there
+def _dense(before: Point, steps: Iterable[tuple[Point, str]], longest: float) -> Iterator[tuple[Point, str]]:
+    """Yield the points of a curve as `follow` does, with points between where a longer step nears a bifurcation."""
+    for after, end in steps:
+        for point in [] if end == "lost" else _inside(before, after, longest):
+            yield point, ""
+        yield after, end
+        before = after
 
 
 def _inside(a: Point, b: Point, longest: float) -> list[Point]:
     """Return points between two that are further apart than `longest`, if a test falls by half between them."""
-    weights = a.system.weights(a.x)
+    weights = a.equations.weights(a.x)
     if np.linalg.norm((b.x - a.x) * weights) <= 1.01 * longest or not b.nears(a):
         return []
-    found, made, jacobian = a.system.newton(0.5 * (a.x + b.x), b.x - a.x)
-    if not made:
-        return []
-    middle = Point(a.system, found, a.system.tangent(found, a.tangent, jacobian))
-    return [*_inside(a, middle, longest), middle, *_inside(middle, b, longest)]
-
-
-def _last(inside: Point, outside: Point, holds: Callable[[Point], bool]) -> Point:
-    """Return the last point between two at which something holds that does at the first."""
-    for _ in range(SHARP):
-        way = outside.x - inside.x
-        found, made, jacobian = inside.system.newton(inside.x + 0.5 * way, way)
-        if not made:
-            break
-        middle = Point(inside.system, found, inside.system.tangent(found, inside.tangent, jacobian))
-        inside, outside = (middle, outside) if holds(middle) else (inside, middle)
-    return inside
+    middle = a.middle(b)
+    return [] if middle is None else [*_inside(a, middle, longest), middle, *_inside(middle, b, longest)]
 
 
 def _halved(a: Point, b: Point) -> Solution | None:
     """Return the bifurcation between two points at which the halves of a doubled orbit coincide, or None."""
-    before, after = a.system.halves(a.x), a.system.halves(b.x)
+    before, after = a.equations.halves(a.x), a.equations.halves(b.x)
     if before is None or after is None or (before @ after > 0.0 and np.abs(after).max() > ONE_HALF):
         return None
     share = 1.0 / (1.0 + float(np.linalg.norm(after) / np.linalg.norm(before)))
-    half, start = a.system.half(a.x + share * (b.x - a.x))
-    found, made, _ = half.newton(start)
-    return Solution(half, found) if made else None
+    half, start = a.equations.half(a.x + share * (b.x - a.x))
+    found, corrections, _ = half.newton(start)
+    return Solution(half, found) if corrections else None

@@ -19,17 +19,15 @@ from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.classes import NEEDED, classify
 from vibroimpact.continuation.boundary import Plane
 from vibroimpact.continuation.branch import walk
+from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.results import BifurcationPoint, Boundary
-from vibroimpact.continuation.system import system_of
 from vibroimpact.model import Model
 from vibroimpact.motion import MotionClass, listed, motion_name
 from vibroimpact.orbits import systems
 from vibroimpact.orbits.equations import Cycle, Floats
-from vibroimpact.orbits.orbit import make_orbit
+from vibroimpact.orbits.orbit import Orbit, make_orbit
 from vibroimpact.orbits.search import find_orbit
 from vibroimpact.orbits.sticking import StickingEnd, end_of_sticking
-from vibroimpact.orbits.systems import AnyOrbit
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.progress import Report
 from vibroimpact.sweeps import parameter_map
 
@@ -97,12 +95,12 @@ class Coverage:
         names = listed([motion_name(*name) for name in self.followed]) or "no motion"
         piece = " (of sticking, in one piece)" if any(name[0] == MotionClass.STICKING for name in self.followed) else ""
         map = f"a map of {CELLS} x {CELLS} cells, from rest"
-        said = [f"followed {names}: what covers more than {100 * LEAST:g} %{piece} of {map}"]
+        sentences = [f"followed {names}: what covers more than {100 * LEAST:g} %{piece} of {map}"]
         unseen = "islands smaller than a cell are not seen"
         if not self.edges:
-            return [*said, f"that map has no class boundary, {unseen}"]
+            return [*sentences, f"that map has no class boundary, {unseen}"]
         near = f"lie within {NEAR:g} cells of a curve"
-        said.append(f"{100 * self.share:.0f} % of that map's {len(self.edges)} class boundaries {near}, {unseen}")
+        sentences.append(f"{100 * self.share:.0f} % of that map's {len(self.edges)} class boundaries {near}, {unseen}")
         left = [i for i in range(len(self.edges)) if not self.reached[i]]
         if finished and left:
             lasting = [i for i in left if i in self.lasting]
@@ -111,8 +109,8 @@ class Coverage:
             beside = f"across {across:.0f} % a stable motion goes on beside the one reached from rest"
             ends = f"at {at:.0f} % no curve could be followed" if lost else ""
             rest = "the others are of chaos and of motions that were not followed"
-            said.append(", ".join(filter(None, [beside, ends, rest])))
-        return said
+            sentences.append(", ".join(filter(None, [beside, ends, rest])))
+        return sentences
 
     def model_at(self, cell: Cell) -> Model:
         """Return the model at the centre of a cell."""
@@ -143,8 +141,8 @@ class Coverage:
         from scipy.ndimage import label  # a sixth of a second, which verdicts need not wait
 
         least, many = LEAST * len(self.names), Counter(self.names.values()).most_common()
-        one_mass = isinstance(self.model.at(), ImpactOscillator)
-        followed = [name for name, number in many if number > least and _can_end(name, one_mass)]
+        forgets = self.model.at().forgets
+        followed = [name for name, number in many if number > least and _can_end(name, forgets)]
         cells = {cell for cell, name in self.names.items() if name in followed}
         # Tongues of sticking of ever longer cycles crowd together, and their ends take long to follow.
         for name in (name for name in followed if name[0] == MotionClass.STICKING):
@@ -198,47 +196,48 @@ def coverage(model: Model, plane: Plane, report: Report) -> Coverage:
 
 def distances(points: Floats, curve: Floats) -> Floats:
     """Return the distance of each point, rows (x, y, ...), from a curve through rows of points."""
-    begin, way = curve[:-1] if len(curve) > 1 else curve, np.diff(curve, axis=0) if len(curve) > 1 else 0.0 * curve
-    length = (way * way).sum(axis=1)
+    first, chords = (curve[:-1], np.diff(curve, axis=0)) if len(curve) > 1 else (curve, 0.0 * curve)
+    length = (chords * chords).sum(axis=1)
     length[length == 0.0] = 1.0
-    share = np.clip(((points[:, None] - begin) * way).sum(axis=2) / length, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(points[:, None] - begin - share[..., None] * way, axis=2).min(axis=1))
+    share = np.clip(((points[:, None] - first) * chords).sum(axis=2) / length, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(points[:, None] - first - share[..., None] * chords, axis=2).min(axis=1))
 
 
-def _can_end(name: Name, one_mass: bool) -> bool:
-    """Whether the end of a motion is a curve that can be followed: for systems that of a cycle of impacts."""
+def _can_end(name: Name, forgets: bool) -> bool:
+    """Whether the end of a motion is a curve that can be followed.
+
+    That of a rest, and of the steady motion without impacts, only where an impact is the whole state.
+    """
     kind, n, p = name
-    if not one_mass:
-        return kind == MotionClass.PERIODIC and p > 0
     if kind == MotionClass.STICKING:
-        return n > 0 and p == -1
-    return kind == MotionClass.NO_IMPACT or (kind == MotionClass.PERIODIC and p > 0)
+        return forgets and n > 0 and p == -1
+    return (kind == MotionClass.PERIODIC and p > 0) or (kind == MotionClass.NO_IMPACT and forgets)
 
 
-def _orbit_of(model: Model, n: int, p: int) -> AnyOrbit | None:
+def _orbit_of(model: Model, n: int, p: int) -> Orbit | None:
     """Return the cycle that the motion from rest ends on, or None if it is no stable one of that type."""
     osc = model.at()
-    if not isinstance(osc, ImpactOscillator):
+    if not osc.forgets:
         reached = systems.settled(model, n, p, [WINDOW.transient + WINDOW.keep])
         return next((orbit for orbit in reached if orbit.stable and orbit.admissible), None)
-    last = ImpactWindow(WINDOW.transient + WINDOW.keep - 1, 1)
-    (seen,) = get_backend("cpu").samples(osc.cells({}), Measurement(last))
-    if not len(seen.impact_velocity):
+    window = ImpactWindow(WINDOW.transient + WINDOW.keep - 1, 1)
+    (last,) = get_backend("cpu").samples(osc.cells({}), Measurement(window))
+    if not len(last.impact_velocity):
         return None
-    phase, speed = float(seen.impact_phase[0]), float(seen.impact_velocity[0])
+    phase, speed = float(last.impact_phase[0]), float(last.impact_velocity[0])
     found = find_orbit(model, n_periods=n, n_impacts=p, near=(phase, speed))
     lasting = [orbit for orbit in found if orbit.stable and orbit.admissible]
     return min(lasting, key=lambda orbit: min(abs(v - speed) for v in orbit.velocities), default=None)
 
 
-def _end_of_orbit(orbit: AnyOrbit, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
+def _end_of_orbit(orbit: Orbit, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
     """Return the first bifurcation of a stable orbit between two values, and whether it reaches the second."""
     begin, end = values
-    system, z = system_of(orbit, (parameter,), ((min(values), max(values)),))
-    for way in walk(system, system.pack(z), STRIDE, False, 1.0 if end > begin else -1.0):
+    equations, z = equations_of(orbit, (parameter,), ((min(values), max(values)),))
+    for way in walk(equations, equations.pack(z), STRIDE, False, 1.0 if end > begin else -1.0):
         if way.special:
             return way.special[0].bifurcation(parameter), False
-    return None, way.end == "range" and abs(system.values(way.points[-1].x)[0] - end) < abs(end - begin) / 2
+    return None, way.end == "range" and abs(way.points[-1].value - end) < abs(end - begin) / 2
 
 
 def _touch(model: Model, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
@@ -252,8 +251,8 @@ def _touch(model: Model, parameter: str, values: tuple[float, float]) -> tuple[B
     first, last = map(room, values)
     if not (math.isfinite(first) and math.isfinite(last)) or first <= 0.0 or last > 0.0:
         return None, first > 0.0 and last > 0.0
-    there = model.replace(**{parameter: float(brentq(room, *values, xtol=1e-300, rtol=1e-15))})
-    steady = there.at().steady_state
-    turns = math.atan2(steady.velocity / there.at().omega, steady.displacement) / (2.0 * math.pi)
-    orbit = make_orbit(there, Cycle(1, 1), np.array([turns % 1.0, 0.0]))
+    touching = model.replace(**{parameter: float(brentq(room, *values, xtol=1e-300, rtol=1e-15))})
+    steady = touching.at().steady_state
+    turns = math.atan2(steady.velocity / touching.at().omega, steady.displacement) / (2.0 * math.pi)
+    orbit = make_orbit(touching, Cycle(1, 1), np.array([turns % 1.0, 0.0]))
     return BifurcationPoint("grazing", parameter, orbit.value(parameter), orbit), False

@@ -13,16 +13,17 @@ import numpy as np
 
 from vibroimpact.continuation.boundary import NoBoundary, Plane, boundary_through, check_box, check_plane
 from vibroimpact.continuation.coverage import CELLS, Coverage, coverage, distances
+from vibroimpact.continuation.equations import Range
 from vibroimpact.continuation.following import UNKNOWN, check_share
-from vibroimpact.continuation.lines import SEEDS, on_line, plain
-from vibroimpact.continuation.results import KINDS, POINTS, SYSTEM_KINDS, BifurcationPoint, Boundary, course
-from vibroimpact.continuation.sticking import MOST, Range, ends_on_line
+from vibroimpact.continuation.lines import ends_on_line, on_line, plain
+from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary, course, kinds_of
+from vibroimpact.continuation.sticking import MOST
 from vibroimpact.dataset import bifurcation_name
 from vibroimpact.model import Model, check_model
 from vibroimpact.motion import cycle_name, listed
 from vibroimpact.orbits.equations import Floats
+from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking import StickingEnd
-from vibroimpact.orbits.systems import AnyOrbit
 from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import choice, invalid, several, whole_number
 from vibroimpact.progress import Report, reporter
@@ -135,15 +136,15 @@ def boundary_curves(
     [('end_of_sticking', 2), ('period_doubling', 1)]
     """
     check_model(osc)
-    known = KINDS if isinstance(osc.at(), ImpactOscillator) else SYSTEM_KINDS
+    possible = kinds_of(osc)
     plane = names, box = check_box(osc, parameters, ranges)
     count, longest = whole_number("lines", lines, 2), check_share("step", step)
     given = several("n_periods", USUAL if n_periods is None else n_periods, "a list of whole numbers")
     lengths = [whole_number("n_periods", n, 1) for n in given]
-    asked = known if kinds is None else several("kinds", kinds, "a list of kinds")
-    wanted = frozenset(choice("kinds", kind, known) for kind in asked)
+    chosen = possible if kinds is None else several("kinds", kinds, "a list of kinds")
+    wanted = frozenset(choice("kinds", kind, possible) for kind in chosen)
     if not wanted:
-        raise invalid("kinds", kinds, f"at least one of {', '.join(known)}")
+        raise invalid("kinds", kinds, f"at least one of {', '.join(possible)}")
     work = [
         (n, along, value) for n in lengths for along in (0, 1) for value in np.linspace(*box[1 - along], count).tolist()
     ]
@@ -163,7 +164,7 @@ def boundary_curves(
             line = osc.replace(**{names[1 - along]: value}), names[along], box[along], n
             for point in on_line(*line, longest, look):
                 search.add(point)
-            for end in ends_on_line(*line, SEEDS, look) if "end_of_sticking" in wanted else ():
+            for end in ends_on_line(*line, look) if "end_of_sticking" in wanted else ():
                 search.add(end)
             done += 1
             look()
@@ -175,8 +176,8 @@ def boundary_curves(
         found,
         search.map,
         n_periods,
-        [kind for kind in known if kind in wanted],
-        known,
+        [kind for kind in possible if kind in wanted],
+        possible,
         finished=done == len(work) + rows,
     )
     return found
@@ -234,7 +235,7 @@ class _Stopped(Exception):
 
 @dataclass
 class _Search:
-    """The curves of a plane as far as they are known.
+    """The curves of a plane as far as they have been followed.
 
     Attributes
     ----------
@@ -242,7 +243,7 @@ class _Search:
         Where they are collected: the parts of interest.
     attractors : bool
         Whether a curve is of interest only where it bounds a stable orbit, or the steady motion.
-    known : list of Boundary
+    followed : list of Boundary
         All that were followed, whole.
     map : Coverage or None
         The map whose class boundaries they shall reach.
@@ -252,22 +253,22 @@ class _Search:
     plane: Plane
     longest: float
     look: Report
-    kinds: Collection[str] = POINTS
+    kinds: Collection[str] = KINDS
     attractors: bool = False
-    known: list[Boundary] = field(default_factory=list)
+    followed: list[Boundary] = field(default_factory=list)
     map: Coverage | None = None
 
     def add(self, point: BifurcationPoint | StickingEnd) -> None:
-        """Follow the curve through a point, unless it is not wanted, lies on a known one or cannot be followed."""
+        """Follow the curve through a point, unless it is not wanted, lies on a followed one or cannot be followed."""
         point = plain(point)
-        if point.kind not in self.kinds or self._known(point.kind, [point.orbit] if point.orbit else [])[0]:
+        if point.kind not in self.kinds or self._on_curve(point.kind, [point.orbit] if point.orbit else [])[0]:
             return
         with suppress(NoBoundary):  # two boundaries meet in the point: another line or edge crosses them separately
             longest, most = self.longest, MOST
             if self.attractors and isinstance(point, StickingEnd):
                 longest, most = 2.0 * longest, ENOUGH
             curve = boundary_through(point, self.plane, longest, virtual=False, report=self.look, most=most)
-            again = self._known(curve.kind, curve.orbits)
+            again = self._on_curve(curve.kind, curve.orbits)
             idle = np.zeros(len(again), dtype=bool)
             if self.attractors and point.orbit is not None and not point.orbit.sticks:
                 idle = np.array([_unstable(curve.kind, orbit) for orbit in curve.orbits])
@@ -275,7 +276,7 @@ class _Search:
                 self.found.append(part)
                 if self.map is not None:
                     self.map.add(part)
-            self.known.append(curve)
+            self.followed.append(curve)
 
     def cover(self, map: Coverage) -> Iterator[None]:
         """Follow what ends at the class boundaries of a map that no curve reaches; yield after each row and column."""
@@ -294,17 +295,17 @@ class _Search:
                 number += 1
             yield
 
-    def _known(self, kind: str, orbits: Sequence[AnyOrbit]) -> Bools:
-        """Return which orbits are on a curve that is known already: nearer to it than a part of a step."""
-        known = np.zeros(len(orbits), dtype=bool)
-        for curve in self.known:
+    def _on_curve(self, kind: str, orbits: Sequence[Orbit]) -> Bools:
+        """Return which orbits are on a curve that was followed already: nearer to it than a part of a step."""
+        met = np.zeros(len(orbits), dtype=bool)
+        for curve in self.followed:
             if orbits and (kind, _type(orbits[0])) == (curve.kind, _type(curve.orbits[0])):
                 fastest = max(max(orbit.velocities, default=0.0) for orbit in curve.orbits)
                 places = [self._places(which, fastest) for which in (orbits, curve.orbits)]
-                known |= distances(*places) < SAME * self.longest
-        return known
+                met |= distances(*places) < SAME * self.longest
+        return met
 
-    def _places(self, orbits: Sequence[AnyOrbit], fastest: float) -> Floats:
+    def _places(self, orbits: Sequence[Orbit], fastest: float) -> Floats:
         """Return parameters in parts of their ranges, and of what does not stick the hardest impact's velocity."""
         spans = [high - low for low, high in self.plane.box]
         rows = np.array([[orbit.value(name) for name in self.plane.names] for orbit in orbits]) / spans
@@ -313,14 +314,14 @@ class _Search:
         return np.column_stack([rows, [max(orbit.velocities) / fastest for orbit in orbits]])
 
 
-def _unstable(kind: str, orbit: AnyOrbit) -> bool:
+def _unstable(kind: str, orbit: Orbit) -> bool:
     """Whether an orbit on a boundary is stable on neither side: more multipliers than the boundary's are too large."""
     if kind == "grazing":
         return not orbit.stable and max(orbit.velocities) > 0.0
     return max(map(abs, orbit.multipliers)) > CRITICAL
 
 
-def _type(orbit: AnyOrbit) -> tuple[int, int]:
+def _type(orbit: Orbit) -> tuple[int, int]:
     return orbit.n_periods, orbit.n_impacts
 
 
@@ -354,19 +355,19 @@ def _describe(
     map: Coverage | None,
     n_periods: Sequence[int] | None,
     kinds: Sequence[str],
-    known: Sequence[str],
+    possible: Sequence[str],
     finished: bool,
 ) -> None:
-    """Say what was followed, and of which kinds if not of all that are known."""
-    said = [] if finished else ["stopped before all was followed"]
-    if len(kinds) < len(known):
-        said += [f"{listed([bifurcation_name(kind) for kind in kinds])} only"]
+    """Say what was followed, and of which kinds if not of all that are possible."""
+    sentences = [] if finished else ["stopped before all was followed"]
+    if len(kinds) < len(possible):
+        sentences += [f"{listed([bifurcation_name(kind) for kind in kinds])} only"]
     if n_periods is not None:
         impacts = [1] * (set(kinds) != {"end_of_sticking"}) + [-1] * ("end_of_sticking" in kinds)
         names = listed([cycle_name(n, p) for n in n_periods for p in impacts])
-        names += ", and symmetric orbits with an impact in each half," * (known == SYSTEM_KINDS)
-        said += [f"looked for {names} on lines across the plane only", "other motions end elsewhere"]
+        names += ", and symmetric orbits with an impact in each half," * ("pitchfork" in possible)
+        sentences += [f"looked for {names} on lines across the plane only", "other motions end elsewhere"]
     elif map is not None:
         found.share, found.motions = map.share, map.motions
-        said += map.sentences(finished=finished)
-    found.message = "; ".join(said)
+        sentences += map.sentences(finished=finished)
+    found.message = "; ".join(sentences)

@@ -27,28 +27,30 @@ def losing(cycle: Cycle, unknown: Floats, graze: int) -> tuple[Cycle, Floats] | 
     return replace(turned, events=turned.events[:at] + turned.events[at + 1 :]), np.delete(unknown, at)
 
 
-def gaining(system: Any, cycle: Cycle, leg: int, stop: int, x: Floats, way: float) -> tuple[Any, Floats, Floats] | None:
+def gaining(
+    equations: Any, cycle: Cycle, leg: int, stop: int, x: Floats, sign: float
+) -> tuple[Any, Floats, Floats] | None:
     """Return equations with a contact, or a pause of one, in place of a graze in mid-leg, a solution and its tangent.
 
     At first its duration grows with the square root of the depth. A stiff stop soon turns the parameter back: the
-    contact is taken so short that it still goes on in the sense of `way`, if that is possible. With damping the force
+    contact is taken so short that it still goes on in the sense of `sign`, if that is possible. With damping the force
     jumps to c v at its begin, derivatives jump at the graze, and the parameter may turn back there.
     """
-    at, touch, rest, flow = leg + 1, float(x[system.size]), x[system.size + 1 :], cycle.flow
+    at, touch, rest, flow = leg + 1, float(x[equations.size]), x[equations.size + 1 :], cycle.flow
     pushes = stop in cycle.phases[at]
     kinds = (LET_GO, PUSH_AGAIN if flow.lag(stop) else IMPACT) if pushes else (IMPACT, LET_GO)
     events = (*cycle.events[:at], *(Event(stop, kind) for kind in kinds), *cycle.events[at:])
-    grown = replace(system, cycle=replace(system.cycle, events=events))
+    grown = replace(equations, cycle=replace(equations.cycle, events=events))
     half = BORN / max(cycle.fastest, flow.phase(tuple(sorted({*cycle.phases[at], stop}))).fastest)
     born = None
     for _ in range(SHORTENED):
         lasting = 2.0 * half if pushes else _lasting(half, float(flow.stiffness[stop]), float(flow.viscosity[stop]))
         pair = touch + np.array([-half, lasting - half]) / TURN
-        start = np.concatenate([x[:at], pair, x[at : system.size], rest])
+        start = np.concatenate([x[:at], pair, x[at : equations.size], rest])
         row = np.eye(len(start))[at + 1] - np.eye(len(start))[at]
-        found, made, jacobian = grown.newton(start, row)
-        born = (grown, found, grown.tangent(found, row, jacobian)) if made else born
-        if made and born is not None and born[2][-1] * way > 0.0:
+        found, corrections, jacobian = grown.newton(start, row)
+        born = (grown, found, grown.tangent(found, row, jacobian)) if corrections else born
+        if corrections and born is not None and born[2][-1] * sign > 0.0:
             break
         half *= 0.5
     return born

@@ -6,23 +6,22 @@ from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from vibroimpact.continuation.branch import walk
+from vibroimpact.continuation.equations import Range
+from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import UNKNOWN, both_ways
 from vibroimpact.continuation.results import BifurcationPoint
-from vibroimpact.continuation.sticking import Range
-from vibroimpact.continuation.system import system_of
 from vibroimpact.model import Model
 from vibroimpact.orbits import systems
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits
-from vibroimpact.orbits.orbit import from_hardest, make_orbit, solution_of, true_cycle
-from vibroimpact.orbits.sticking import StickingEnd
-from vibroimpact.orbits.systems import AnyOrbit, SystemOrbit
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.orbits.orbit import Orbit, from_hardest, make_orbit, solution_of, true_cycle
+from vibroimpact.orbits.sticking import StickingEnd, end_of_sticking, periods_from_release
 from vibroimpact.progress import Report
 
 SEEDS = 60  # values along a line at which orbits are looked for
@@ -33,20 +32,20 @@ class _Seed(NamedTuple):
 
     how: Hashable
     velocity: float
-    orbit: Callable[[], AnyOrbit]
+    orbit: Callable[[], Orbit]
 
 
 def _seeds(model: Model, n: int) -> Iterator[_Seed]:
     """Yield the orbits with one impact in n periods."""
-    made = model.at()
-    if isinstance(made, ImpactOscillator):
-        for z in impact_1_orbits(made, n)[0]:
+    osc = model.at()
+    if osc.forgets:
+        for z in impact_1_orbits(osc, n)[0]:
             yield _Seed("", float(z[1]), partial(make_orbit, model, Cycle(n, 1), z))
         return
-    for cycle in systems.cycles_of_one_impact(made, n):
-        for own, unknown in systems.of_one_impact(cycle)[0]:
-            how, speed = (own.stops, own.images), float(own.velocities(unknown)[0])
-            yield _Seed(how, speed, partial(systems.make_orbit, model, own, unknown))
+    for struck in systems.cycles_of_one_impact(osc, n):
+        for cycle, unknown in systems.of_one_impact(struck)[0]:
+            how, speed = (cycle.stops, cycle.images), float(cycle.velocities(unknown)[0])
+            yield _Seed(how, speed, partial(systems.make_orbit, model, cycle, unknown))
 
 
 def on_line(
@@ -65,11 +64,28 @@ def on_line(
             orbit = seed.orbit()
             if not orbit.admissible:
                 continue
-            system, solved = system_of(orbit, (parameter,), (range,))
-            for way in both_ways(partial(walk, system, system.pack(solved), longest, False), look):
-                rows = [[*p.system.values(p.x), p.system.velocities(p.x)[0]] for p in way.points]
+            equations, solved = equations_of(orbit, (parameter,), (range,))
+            for way in both_ways(partial(walk, equations, equations.pack(solved), longest, False), look):
+                rows = [[p.value, p.equations.velocities(p.x)[0]] for p in way.points]
                 covered[seed.how].append(np.array(rows))
                 yield from (special.bifurcation(parameter) for special in way.special)
+
+
+def ends_on_line(model: Model, parameter: str, range: Range, n: int, report: Report) -> Iterator[StickingEnd]:
+    """Yield the ends of period-n sticking along a line, as far as neighbouring seeds differ."""
+
+    def periods(value: float) -> int:
+        report(0, UNKNOWN, None)
+        return periods_from_release(model.at(**{parameter: value}), n)
+
+    values = np.linspace(*range, SEEDS).tolist()
+    lengths = [periods(value) for value in values]
+    for (low, before), (high, after) in pairwise(zip(values, lengths, strict=True)):
+        if before != after and n in (before, after):
+            inside, beyond = (low, high) if before == n else (high, low)
+            end = end_of_sticking(model, parameter, (inside, beyond), longest=n)
+            if end.found and end.n_periods == n:
+                yield end
 
 
 def _covered(branch: Floats, value: float, speed: float) -> bool:
@@ -90,7 +106,7 @@ def plain(point: Any) -> BifurcationPoint | StickingEnd:
     if not isinstance(point, BifurcationPoint) or point.kind != "grazing":
         found: BifurcationPoint | StickingEnd = point
         return found
-    if isinstance(point.orbit, SystemOrbit):
+    if not point.orbit.oscillator.forgets:
         return point if any(point.orbit.velocities) else replace(point, orbit=systems.at_first_contact(point.orbit))
     cycle, z = solution_of(point.orbit)
     turns, speeds = z[: cycle.n_impacts], z[cycle.n_impacts :]
@@ -102,6 +118,7 @@ def plain(point: Any) -> BifurcationPoint | StickingEnd:
     else:
         cycle = Cycle(cycle.n_periods, int(hits.sum()))
         z = from_hardest(cycle, np.concatenate([turns[hits], speeds[hits]]))
-        own = true_cycle(cycle, z)
-        cycle, z = own, np.concatenate([z[: own.n_impacts], z[cycle.n_impacts :][: own.n_impacts]])
+        shortest = true_cycle(cycle, z)
+        p = shortest.n_impacts
+        cycle, z = shortest, np.concatenate([z[:p], z[cycle.n_impacts :][:p]])
     return replace(point, orbit=make_orbit(point.orbit.model, cycle, z))

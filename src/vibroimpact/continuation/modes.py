@@ -30,7 +30,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.cells import Floats
-from vibroimpact.continuation.following import BRANCH, DOUBLING, FOLD, LAST_IMPACT, TORUS, TOUCH, Equations, Nearest
+from vibroimpact.continuation.equations import (
+    BRANCH,
+    DOUBLING,
+    FOLD,
+    LAST_IMPACT,
+    LEAST,
+    NUDGE,
+    TORUS,
+    TOUCH,
+    Equations,
+    Nearest,
+    Range,
+)
 from vibroimpact.continuation.grazes import gaining, losing
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.systems.admissibility import nearest_of
@@ -41,10 +53,7 @@ from vibroimpact.orbits.systems.orbit import SystemOrbit, cycle_of, make_orbit
 from vibroimpact.orbits.systems.symmetry import mirror
 
 NOISE = 1e-12  # a test nearer to zero is rounding: that of a mode which nothing damps, for example
-NUDGE = 1e-6  # of a range: by so much a parameter is moved to see how the equations depend on it
 KEPT = 16  # designs whose flights are remembered
-INSIDE = 1e-6  # turns: a touch nearer to an impact is the impact itself
-LEAST = 1e-3  # of the orbit's speed: slower impacts do not shorten the differences further
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +79,11 @@ class Modes(Equations):
         return len(self.cycle.events)
 
     @property
+    def length(self) -> float:
+        """Driving periods of the cycle, or of half of one that is mirrored."""
+        return self.cycle.length / TURN
+
+    @property
     def kind(self) -> str:
         """Which bifurcation the condition is."""
         return "pitchfork" if self.condition == DOUBLING and self.cycle.images else super().kind
@@ -85,20 +99,20 @@ class Modes(Equations):
         return np.concatenate([unknown[:p] / TURN, np.linalg.solve(turned, unknown[p:])])
 
     @cached_property
-    def _known(self) -> Any:
-        return lru_cache(KEPT)(self._made)
+    def _designs(self) -> Any:
+        return lru_cache(KEPT)(self._design)
 
     @cached_property
     def _last(self) -> Any:
         return lru_cache(1)(lambda content: self._linear(np.frombuffer(content)))
 
-    def _made(self, values: tuple[float, ...]) -> tuple[Cycle, Floats]:
+    def _design(self, values: tuple[float, ...]) -> tuple[Cycle, Floats]:
         cycle, flow = self.cycle, Flow(self.model.at(**dict(zip(self.names, values, strict=True))))
         return replace(cycle, flow=flow), np.linalg.solve(flow.physical, self.basis)
 
     def _at(self, values: Sequence[float]) -> tuple[Cycle, Floats]:
         """Return the cycle at some values of the parameters, and its modes by those of the unknown."""
-        found: tuple[Cycle, Floats] = self._known(tuple(values))
+        found: tuple[Cycle, Floats] = self._designs(tuple(values))
         return found
 
     def solved(self, x: Floats) -> tuple[Cycle, Floats]:
@@ -113,13 +127,6 @@ class Modes(Equations):
         except (ValueError, np.linalg.LinAlgError):
             return False
         return turned.shape == self.basis.shape
-
-    def in_order(self, x: Floats) -> bool:
-        """Whether the impacts follow one another, and the touch is inside its flight."""
-        angles = self.cycle.angles(TURN * x)
-        begin, end = angles[self.where : self.where + 2] / TURN
-        inside = self.condition != TOUCH or begin + INSIDE < x[self.inner - 1] < end - INSIDE
-        return bool((np.diff(angles) > 0.0).all() and inside)
 
     def flights(self, x: Floats) -> Floats:
         """Return clearances at the impacts and by how much the cycle is open; straight on beyond the ranges."""
@@ -171,14 +178,14 @@ class Modes(Equations):
             flow, begin, at = cycle.flow, unknown[self.where], TURN * x[self.inner - 1]
             event, pushing = cycle.events[self.where], cycle.phases[self.where + 1]
             after = flow.struck(event.stop, cycle.states(unknown)[self.where], flow.drive(begin))
-            there = flow.fly(after, begin, at, pushing)
-            return np.array(flow.touching(self.stop, there, flow.drive(at), pushing)) / self.scale
+            touching = flow.fly(after, begin, at, pushing)
+            return np.array(flow.touching(self.stop, touching, flow.drive(at), pushing)) / self.scale
         return np.array([_TESTS[self.condition](cycle.multipliers(unknown))])
 
-    def is_own(self, x: Floats) -> bool:
+    def fits(self, x: Floats) -> bool:
         """Whether a touch is inside its flight, and multipliers whose product is 1 are a complex pair, no real ones."""
         if self.condition != TORUS:
-            return self.condition != TOUCH or self.in_order(x)
+            return super().fits(x)
         cycle, unknown = self.solved(x)
         nearest = min(combinations(cycle.multipliers(unknown), 2), key=lambda pair: abs(1.0 - pair[0] * pair[1]))
         return nearest[0].imag != 0.0
@@ -211,23 +218,23 @@ class Modes(Equations):
             return bool(compliant[self.stop])
         return self.condition == LAST_IMPACT and self.cycle.events[self.where].kind == GRAZE
 
-    def beyond(self, x: Floats, way: float) -> tuple[Equations, Floats, Floats] | None:
+    def beyond(self, x: Floats, sign: float) -> tuple[Equations, Floats, Floats] | None:
         """Return the equations beyond a graze of a compliant stop, a solution and its tangent; None if there are none.
 
-        A contact is born or lost there. `way` is the sign in which the parameter goes on.
+        A contact is born or lost there. `sign` is the sign in which the parameter goes on.
         """
         if not self.soft:
             return None
-        system = replace(self, condition=BRANCH, where=0, stop=0)
+        equations = replace(self, condition=BRANCH, where=0, stop=0)
         cycle, unknown = self.solved(x)
         if self.condition == TOUCH:
-            return gaining(system, cycle, self.where, self.stop, x, way)
+            return gaining(equations, cycle, self.where, self.stop, x, sign)
         less = losing(cycle, unknown, self.where)
         if less is None:
             return None
-        system = replace(system, cycle=less[0])
-        found = np.concatenate([system.scaled_at(less[1], self.values(x)), x[self.inner :]])
-        return system, found, system.tangent(found, way * np.eye(len(found))[-1])
+        equations = replace(equations, cycle=less[0])
+        found = np.concatenate([equations.scaled_at(less[1], self.values(x)), x[self.inner :]])
+        return equations, found, equations.tangent(found, sign * np.eye(len(found))[-1])
 
     def sizes(self, x: Floats) -> Floats:
         """Return by how much each unknown must change to change the flights by something of order one."""
@@ -245,12 +252,6 @@ class Modes(Equations):
             change = float(np.abs(self._flights(moved) - base).max()) / NUDGE
             reach.append(min(max(1.0 / change, 1e-3), 1.0) if change > 0.0 else 1.0)
         return replace(self, reach=tuple(reach))
-
-    def weights(self, x: Floats) -> Floats:
-        """Return the weight of each unknown in the length of a step; states are relative to the largest above 1."""
-        counts = np.ones(len(x))
-        counts[self.impacts : self.size] /= max(1.0, float(np.abs(x[self.impacts : self.size]).max()))
-        return counts
 
     def orbit(self, x: Floats) -> SystemOrbit:
         """Return the orbit of a solution."""
@@ -277,18 +278,6 @@ class Modes(Equations):
         multipliers = cycle.multipliers(unknown)
         found = {condition: _TESTS[condition](multipliers) for condition in (DOUBLING, TORUS)}
         return {condition: value if abs(value) > NOISE else NOISE for condition, value in found.items()}
-
-    def residual(self, x: Floats) -> float:
-        """Return by how much the orbit misses its flights and its own condition, relative to its size."""
-        return float(np.abs(self.misses(x)).max())
-
-    def at_graze(self, x: Floats) -> tuple[Equations, Floats]:
-        """Return the condition of the graze that an orbit is at, and its unknown."""
-        where = int(np.argmin(self.speeds(x)))
-        if self.speeds(x)[where] <= 1e-9:
-            return self.bounded(LAST_IMPACT, x, where)
-        found = self.nearest(x)
-        return self.bounded(TOUCH, x, found.flight, found.turns, found.stop)
 
     def halves(self, x: Floats) -> Floats | None:
         """Return by how much the halves of a cycle differ, or the first and the mirrored second one."""
@@ -322,23 +311,18 @@ class Modes(Equations):
         assert half is not None
         turns = 0.5 * (x[:h] + x[h:p] - half.length / TURN)
         mean = 0.5 * (unknown[p:] + half.sign * cycle.states(unknown)[h])
-        system = replace(self, cycle=half, condition=DOUBLING)
-        scaled = system.scaled_at(np.append(TURN * turns, mean), self.values(x))
-        return system, np.append(scaled, x[self.size :])
+        equations = replace(self, cycle=half, condition=DOUBLING)
+        scaled = equations.scaled_at(np.append(TURN * turns, mean), self.values(x))
+        return equations, np.append(scaled, x[self.size :])
 
-    def doubled(self, z: Floats) -> tuple[Equations, Floats, Floats]:
-        """Return the equations of two rounds, the orbit traversed twice, and how the rounds separate.
-
-        Two rounds of half a cycle and the mirror are the cycle.
-        """
+    def twice(self, z: Floats) -> tuple[Equations, Floats]:
+        """Return the equations of two rounds, and the orbit traversed twice; two mirrored halves are the cycle."""
         cycle, p = self.cycle, self.impacts
         if cycle.images:
-            twice = cycle.whole(z)[0]
+            both = cycle.whole(z)[0]
         else:
-            twice = replace(cycle, n_periods=2 * cycle.n_periods, events=cycle.events * 2)
-        system = replace(self, cycle=twice)
-        x = system.pack(np.concatenate([z[:p], z[:p] + cycle.length, z[p:]]))
-        return system, x, np.append(np.linalg.svd(system.flights_jacobian(x))[2][-1], 0.0)
+            both = replace(cycle, n_periods=2 * cycle.n_periods, events=cycle.events * 2)
+        return replace(self, cycle=both), np.concatenate([z[:p], z[:p] + cycle.length, z[p:]])
 
 
 def _nearest_zero(values: Sequence[complex] | NDArray[np.complex128]) -> float:
@@ -362,23 +346,21 @@ _TESTS: dict[str, Any] = {
 }
 
 
-def images_along(model: Any, names: Sequence[str], ranges: Sequence[tuple[float, float]]) -> tuple[int, ...]:
+def images_along(model: Any, names: Sequence[str], ranges: Sequence[Range]) -> tuple[int, ...]:
     """Return the stop that each one becomes in the mirror, if no parameter alone breaks a model's symmetry."""
     found = mirror(model.at())[0]
     for name, (low, high) in zip(names, ranges, strict=True):
         for share in (0.0, 0.31, 1.0) if found else ():
             try:
-                there = mirror(model.at(**{name: low + share * (high - low)}))[0]
+                moved = mirror(model.at(**{name: low + share * (high - low)}))[0]
             except ValueError:  # no system of this value
                 continue
-            if there != found:
+            if moved != found:
                 return ()
     return found
 
 
-def modes_of(
-    orbit: SystemOrbit, names: tuple[str, ...], ranges: tuple[tuple[float, float], ...]
-) -> tuple[Modes, Floats]:
+def modes_of(orbit: SystemOrbit, names: tuple[str, ...], ranges: tuple[Range, ...]) -> tuple[Modes, Floats]:
     """Return the equations of an orbit with free parameters, and its driving angles and state.
 
     A symmetric orbit is followed with those of half a cycle, as long as the parameters leave the symmetry.
@@ -388,7 +370,7 @@ def modes_of(
     flow, p = cycle.flow, len(cycle.events) // (2 if images else 1)
     angles, state = np.split(unknown, [len(cycle.events)])
     scale = float(np.abs(state).max())
-    made = Modes(
+    equations = Modes(
         model=orbit.model,
         cycle=replace(cycle, events=cycle.events[:p], images=images),
         names=names,
@@ -397,4 +379,4 @@ def modes_of(
         scale=scale,
     )
     solution = np.append(angles[:p], flow.physical @ state)
-    return made.reaching(made.pack(solution)), solution
+    return equations.reaching(equations.pack(solution)), solution

@@ -1,62 +1,47 @@
-"""Points of a branch and its bifurcations.
-
-Tests along a branch change sign where it folds, doubles its period or grazes; between two points the bifurcation is
-solved for exactly. At a period doubling `switch_branch` leads to the doubled orbit that is born there.
-"""
+"""Points of a branch or a boundary: solutions of its equations, with the tests that change sign at bifurcations."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.following import (
-    DOUBLING,
-    FOLD,
-    GRAZING,
-    LAST_IMPACT,
-    TORUS,
-    TOUCH,
-    Equations,
-    Nearest,
-    check_share,
-)  # fmt: skip
+from vibroimpact.continuation.equations import FOLD, LAST_IMPACT, TOUCH, Equations, Nearest
 from vibroimpact.continuation.results import BifurcationPoint
-from vibroimpact.continuation.system import system_of
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
-from vibroimpact.orbits.systems import AnyOrbit
-from vibroimpact.parameters import invalid
-from vibroimpact.scales import scale_of
-
-HALVINGS = 12  # of a step, in search of what happens inside
-TRIES = 12  # of an amplitude, halved each time
+from vibroimpact.orbits.orbit import Orbit
 
 
 @dataclass(frozen=True)
 class Solution:
     """A solution of a system: a point of a branch or a boundary, or a bifurcation."""
 
-    system: Equations
+    equations: Equations
     x: Floats
 
     @cached_property
-    def orbit(self) -> AnyOrbit:
+    def orbit(self) -> Orbit:
         """The orbit there."""
-        return self.system.orbit(self.x)
+        return self.equations.orbit(self.x)
+
+    @property
+    def value(self) -> float:
+        """The free parameter, or the first of two."""
+        return self.equations.values(self.x)[0]
 
     @cached_property
     def speeds(self) -> Floats:
         """Velocities of the impacts, in parts of the orbit's speed."""
-        return self.system.speeds(self.x)
+        return self.equations.speeds(self.x)
 
     @cached_property
     def nearest(self) -> Nearest | None:
         """Where the orbit comes closest to a stop between impacts."""
-        return self.system.nearest(self.x)
+        return self.equations.nearest(self.x)
 
     @property
     def margin(self) -> float:
@@ -71,34 +56,33 @@ class Solution:
     @property
     def admissible(self) -> bool:
         """Whether the orbit can be; the graze that defines a boundary is allowed."""
-        last = self.system.condition == LAST_IMPACT
-        others = np.delete(self.speeds, self.system.where) if last else self.speeds
+        at_impact = self.equations.condition == LAST_IMPACT
+        others = np.delete(self.speeds, self.equations.where) if at_impact else self.speeds
         return bool((others > 0.0).all() and self.margin >= -ROUNDING and self.parted)
 
     @property
     def kind(self) -> str:
         """Which bifurcation it is."""
-        return self.system.kind
+        return self.equations.kind
 
     @property
     def touch_phase(self) -> float:
         """Driving phase of the graze; NaN for other kinds."""
-        return self.system.touch(self.x) % 1.0
+        return self.equations.touch(self.x) % 1.0
 
     @cached_property
     def residual(self) -> float:
         """By how much the orbit misses its flights and its defining condition, relative to its own size."""
-        return self.system.residual(self.x)
+        return self.equations.residual(self.x)
 
     @property
     def on_branch(self) -> Floats:
         """The unknown of the branch that a bifurcation lies on."""
-        return self.system.on_branch(self.x)
+        return self.equations.on_branch(self.x)
 
     def bifurcation(self, parameter: str) -> BifurcationPoint:
         """Return a bifurcation on a branch as callers see it."""
-        value = self.system.values(self.x)[0]
-        return BifurcationPoint(self.kind, parameter, value, self.orbit, self.residual, self.touch_phase)
+        return BifurcationPoint(self.kind, parameter, self.value, self.orbit, self.residual, self.touch_phase)
 
 
 @dataclass(frozen=True)
@@ -107,6 +91,26 @@ class Point(Solution):
 
     tangent: Floats
 
+    def at(self, x: Floats, jacobian: Floats | None = None) -> Point:
+        """Return another point of the curve, whose tangent leads on as here."""
+        return Point(self.equations, x, self.equations.tangent(x, self.tangent, jacobian))
+
+    def middle(self, other: Point) -> Point | None:
+        """Return the point halfway to another, across their chord; None where Newton's method finds none."""
+        chord = other.x - self.x
+        found, corrections, jacobian = self.equations.newton(self.x + 0.5 * chord, chord)
+        return self.at(found, jacobian) if corrections else None
+
+    def furthest(self, other: Point, halvings: int, holds: Callable[[Point], bool]) -> Point:
+        """Return the last point on the way to another at which something holds that does here."""
+        inside, outside = self, other
+        for _ in range(halvings):
+            middle = inside.middle(outside)
+            if middle is None:
+                break
+            inside, outside = (middle, outside) if holds(middle) else (inside, middle)
+        return inside
+
     @cached_property
     def tests(self) -> dict[str, float]:
         """The test of each condition."""
@@ -114,7 +118,7 @@ class Point(Solution):
             FOLD: float(self.tangent[-1]),
             LAST_IMPACT: float(self.speeds.min()),
             TOUCH: self.margin,
-            **self.system.tests(self.x),
+            **self.equations.tests(self.x),
         }
 
     def nears(self, other: Point) -> bool:
@@ -125,144 +129,3 @@ class Point(Solution):
     def clear(self) -> bool:
         """Whether no flight penetrates a stop and no impact has a velocity away from it."""
         return self.tests[LAST_IMPACT] > 0.0 and self.margin > 0.0 and self.parted
-
-
-def between(a: Point, b: Point) -> list[Solution]:
-    """Return the bifurcations between two neighbouring points of a branch, in their order."""
-    changed = [condition for condition in a.tests if (a.tests[condition] > 0.0) != (b.tests[condition] > 0.0)]
-    last = LAST_IMPACT in changed
-    wanted = [FOLD] if FOLD in changed else []
-    wanted += [condition for condition in (DOUBLING, TORUS) if condition in changed and not last]
-    grazes = [condition for condition in (LAST_IMPACT, TOUCH) if condition in changed][:1]
-    wanted += grazes if a.clear != b.clear else []
-    found = [special for condition in wanted if (special := _located(condition, a, b)) is not None]
-    return sorted(found, key=lambda special: float((special.on_branch - a.x) @ (b.x - a.x)))
-
-
-def lost_contact(a: Point, b: Point) -> Solution | None:
-    """Return the graze between two points at which a compliant stop loses a contact: beyond, its velocity is negative.
-
-    None if impacts get out of order for another reason.
-    """
-    at = int(np.argmin(b.speeds))
-    if b.speeds[at] >= 0.0 or a.speeds[at] <= 0.0 or not a.system.gives_at(at):
-        return None
-    return _located(LAST_IMPACT, a, b)
-
-
-def _located(condition: str, a: Point, b: Point) -> Solution | None:
-    """Solve for the bifurcation between two points; while Newton's method leaves the interval, halve it."""
-    system = a.system
-    for _ in range(HALVINGS):
-        low, high = (
-            value if math.isfinite(value) else math.copysign(1.0, value)
-            for value in (a.tests[condition], b.tests[condition])
-        )
-        share = low / (low - high) if low != high else 0.5
-        special = _solved(condition, a.x + share * (b.x - a.x), a, b)
-        if special is not None:
-            return special
-        found, made, jacobian = system.newton(0.5 * (a.x + b.x), b.x - a.x)
-        if not made:
-            return None
-        inside = Point(system, found, system.tangent(found, a.tangent, jacobian))
-        a, b = (inside, b) if (inside.tests[condition] > 0.0) == (low > 0.0) else (a, inside)
-    return None
-
-
-def _solved(condition: str, x: Floats, a: Point, b: Point) -> Solution | None:
-    """Return the bifurcation that Newton's method reaches from x, or None if it does not lie between the points."""
-    where, touch, stop = 0, 0.0, 0
-    if condition in GRAZING:
-        owner = a if a.tests[condition] < b.tests[condition] else b
-        where = int(np.argmin(owner.speeds))
-        if condition == TOUCH:
-            if owner.nearest is None:
-                return None
-            where, stop = owner.nearest.flight, owner.nearest.stop
-            # The touch moves with the orbit: its distance from the start of the flight is kept.
-            touch = owner.nearest.turns + float(x[where] - owner.x[where])
-    bounded, start = a.system.bounded(condition, x, where, touch, stop)
-    found, made, _ = bounded.newton(start)
-    if not made or not bounded.is_own(found):
-        return None
-    special = Solution(bounded, found)
-    part, way = special.on_branch, b.x - a.x
-    share = float((part - a.x) @ way / (way @ way))
-    aside = float(np.abs(part - a.x - share * way).max())
-    return special if -1e-9 <= share <= 1.0 + 1e-9 and aside <= float(np.linalg.norm(way)) else None
-
-
-def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
-    r"""Return an orbit of the branch that is born at a period doubling, or at a pitchfork of symmetric orbits.
-
-    At a period doubling the orbit, traversed twice, solves the equations of 2n periods and 2p impacts with a singular
-    Jacobian; its null vector :math:`\phi` is the direction in which the two rounds separate. The doubled orbit solves
-    the same equations with
-
-    .. math:: \phi \cdot (z - z_0) = \varepsilon,
-
-    and a free parameter, which is regular for :math:`\varepsilon \ne 0` [1]_. A pitchfork is the period doubling of
-    half a cycle and the mirror: the two rounds are the halves of a cycle.
-
-    Parameters
-    ----------
-    point : BifurcationPoint
-        Of kind "period_doubling" or "pitchfork".
-    amplitude : float, 0 to 0.5
-        Separation :math:`\varepsilon` of the two rounds, in driving periods and relative to the orbit's speed; halved
-        as often as needed.
-
-    Returns
-    -------
-    Orbit or SystemOrbit
-        A period-2n impact-2p orbit, at a parameter above or below the point's, wherever the doubled branch is; at a
-        pitchfork an orbit of the same n and p without symmetry, whose `twin` is the other one.
-
-    Raises
-    ------
-    ValueError
-        `point` is neither, `amplitude` is out of its range, or no doubled orbit is found.
-
-    Notes
-    -----
-    Follow it with `continue_orbit`; its branch ends at the point, where the two rounds coincide. The doubled
-    orbit is stable beyond a supercritical period doubling, unstable before a subcritical one. A few milliseconds.
-
-    References
-    ----------
-    .. [1] E. Doedel, H. B. Keller and J. P. Kernévez, "Numerical analysis and control of bifurcation problems (I)",
-       Int. J. Bifurcation Chaos 1 (1991) 493-520.
-
-    Examples
-    --------
-    >>> from vibroimpact.continuation import continue_orbit
-    >>> from vibroimpact.orbits import find_orbit
-    >>> from vibroimpact.oscillator import ImpactOscillator
-    >>> (orbit,) = find_orbit(ImpactOscillator(omega=2.6))
-    >>> branch = continue_orbit(orbit, "omega", (2.5, 2.7))
-    >>> doubled = switch_branch(branch.special[0])
-    >>> doubled.name, doubled.stable
-    ('period-2 impact-2', True)
-    """
-    if not isinstance(point, BifurcationPoint) or point.kind not in ("period_doubling", "pitchfork"):
-        given = getattr(point, "kind", point)
-        raise invalid("point", given, "a period doubling or a pitchfork", "take one from the `special` of a branch")
-    size = check_share("amplitude", amplitude)
-    system, x, direction = _twice(point)
-    for _ in range(TRIES):
-        start = x + size * direction
-        found, made, _ = system.newton(start, direction)
-        if made and np.abs(found - start).max() < 0.5 * size:
-            return Solution(system, found).orbit
-        size *= 0.5
-    raise ValueError(
-        f"no doubled orbit was found from `point` at {point.parameter} = {point.value:.12g}; try a smaller `amplitude`"
-    )
-
-
-def _twice(point: BifurcationPoint) -> tuple[Equations, Floats, Floats]:
-    """Return the doubled equations, the orbit traversed twice, and the direction in which the rounds separate."""
-    value, width = point.value, scale_of(point.orbit.model, point.parameter, point.value).size
-    once, z = system_of(point.orbit, (point.parameter,), ((value - width, value + width),))
-    return once.doubled(z)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.continuation.following import MOST_POINTS
 from vibroimpact.dataset import (
     bifurcation_name,
     dataset_of,
@@ -22,7 +21,6 @@ from vibroimpact.dataset import (
     variable,
 )
 from vibroimpact.model import Model
-from vibroimpact.orbits.systems import SystemOrbit
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -36,16 +34,14 @@ ENDS = {
     "closed": "where it began (closed)",
     "impacts_merge": "where two impacts merge",
     "resonance": "where its pair of multipliers becomes real",
-    "lost": "where Newton's method finds no next orbit",
-    "budget": f"after {MOST_POINTS} orbits",
+    "lost": "where no next orbit is found",
+    "budget": "after the most orbits that are followed",
     "stopped": "where it was stopped",
     "unstable": "where its orbit becomes unstable",
     "joined": "where it joins another curve",
 }
 MISS = "miss of the defining condition"
-KINDS = ("fold", "period_doubling", "grazing", "end_of_sticking")
-POINTS = (*KINDS, "neimark_sacker", "pitchfork")
-SYSTEM_KINDS = tuple(kind for kind in POINTS if kind != "end_of_sticking")
+KINDS = ("fold", "period_doubling", "grazing", "end_of_sticking", "neimark_sacker", "pitchfork")
 
 
 @dataclass(frozen=True)
@@ -131,8 +127,8 @@ class Branch:
             "special_residual": number("special", [point.residual for point in self.special], MISS),
             "special_touch_phase": variable("phase", "special", np.array([q.touch_phase for q in self.special])),
         }
-        there = orbit_variables([point.orbit for point in self.special], p, "special")
-        content |= {f"special_{name}": there[name] for name in ("velocity", "phase")}
+        of_special = orbit_variables([point.orbit for point in self.special], p, "special")
+        content |= {f"special_{name}": of_special[name] for name in ("velocity", "phase")}
         return _along(self, content, {self.parameter: self.values}, "continue_orbit", {"parameter": self.parameter})
 
 
@@ -196,9 +192,18 @@ def _along(
     first = curve.orbits[0]
     name = {"n_periods": first.n_periods, "n_impacts": first.n_impacts}
     ends = {"outcome": " ".join(curve.outcome), "message": curve.message}
-    struck = {"stops": " ".join(first.stops)} if isinstance(first, SystemOrbit) else {}
+    struck = {} if first.oscillator.forgets else {"stops": " ".join(first.stops)}
     attrs = provenance(call, first.model, given | name | curve.arguments) | name | struck | ends
     return dataset_of(content, {key: axis(first.model, key, "point", values[key]) for key in values}, attrs)
+
+
+def kinds_of(model: Model) -> tuple[str, ...]:
+    """Return the kinds of the boundaries of a model's motions.
+
+    The two multipliers of one mass at one stop have a product below 1, and it has no mirror image; the end of a rest is
+    followed where a rest is the whole state.
+    """
+    return KINDS[:4] if model.at().forgets else tuple(kind for kind in KINDS if kind != "end_of_sticking")
 
 
 def course(what: str, orbits: Sequence[Any], names: Sequence[str], ends: tuple[str, str]) -> str:
@@ -233,8 +238,8 @@ def number(dims: Any, data: Any, long_name: str) -> xr.Variable:
 
 def kind_variable(dims: Any, kinds: Any) -> xr.Variable:
     """Return kinds of special points as flags."""
-    codes = POINTS.index(kinds) if isinstance(kinds, str) else [POINTS.index(kind) for kind in kinds]
-    return flags(dims, codes, "kind of boundary", POINTS)
+    codes = KINDS.index(kinds) if isinstance(kinds, str) else [KINDS.index(kind) for kind in kinds]
+    return flags(dims, codes, "kind of boundary", KINDS)
 
 
 def _rows(rows: Sequence[Sequence[float]], width: int) -> np.ndarray[Any, np.dtype[np.float64]]:

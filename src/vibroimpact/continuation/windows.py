@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vibroimpact.continuation.bifurcations import switch_branch
 from vibroimpact.continuation.branch import continue_orbit
-from vibroimpact.continuation.points import switch_branch
 from vibroimpact.continuation.results import Branch
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.orbit import Orbit, orbit_distance, same_orbit
@@ -211,16 +211,16 @@ def _looked_between(branch: Branch, special: dict[float, str]) -> list[Orbit]:
 
 def _end(branch: Branch, orbits: list[Orbit], special: dict[float, str], at: int, way: int) -> tuple[float, str]:
     """Return the end of a run of orbits, and why: a special point on or beside its last one, or with the branch."""
-    here, beside = orbits[at].value(branch.parameter), at + way
-    if here in special:
-        return here, special[here]
+    value, beside = orbits[at].value(branch.parameter), at + way
+    if value in special:
+        return value, special[value]
     if 0 <= beside < len(orbits):
-        there = orbits[beside].value(branch.parameter)
-        return there, special.get(there, "lost")
+        end = orbits[beside].value(branch.parameter)
+        return end, special.get(end, "lost")
     why = branch.outcome[0 if way < 0 else 1]
     if why == "period_doubling" and branch.special:  # of the orbit it comes from, which is none of its own
         return branch.special[0 if way < 0 else -1].value, why
-    return here, why
+    return value, why
 
 
 def swept_windows(sweep: xr.Dataset) -> list[Window]:

@@ -137,13 +137,12 @@ def bifurcation(branch: Branch, side: Side) -> Side | None:
         for special in way.special if way else []:
             at = special.orbit
             if at.admissible:
-                value = special.system.values(special.x)[0]
                 kind = "period_halving" if at.n_periods < branch.orbit.n_periods else special.kind
-                return replace(side, kind=kind, value=value, start=_start_of(at))
+                return replace(side, kind=kind, value=special.value, start=_start_of(at))
     way = branch.way
     if way is not None and way.end == "impacts_merge":
         last = way.points[-1]
-        return replace(side, kind=way.end, value=last.system.values(last.x)[0], start=_start_of(last.orbit))
+        return replace(side, kind=way.end, value=last.value, start=_start_of(last.orbit))
     return side if way is not None and way.end == "range" else None
 
 

@@ -16,8 +16,8 @@ from vibroimpact.backends import ImpactWindow
 from vibroimpact.coexistence.measuring import HARDLY_EVER, Runner, carried
 from vibroimpact.coexistence.systems import solved
 from vibroimpact.continuation.branch import walk
+from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import Way
-from vibroimpact.continuation.system import system_of
 from vibroimpact.orbits.orbit import Impacts
 from vibroimpact.orbits.systems import ended
 from vibroimpact.verdict.present import LONGEST, Coexisting, Present, stable_cycle
@@ -61,8 +61,8 @@ class Branch:
 
     def _walk(self) -> Iterator[Way]:
         longest = STEP * math.sqrt(self.orbit.model.at().step_cost)  # dearer orbits lie wider apart
-        system, z = system_of(self.orbit, (self.varied.name,), ((self.varied.low, self.varied.high),))
-        yield from walk(system, system.pack(z), longest, False, self.direction, round(STRIDE / longest))
+        equations, z = equations_of(self.orbit, (self.varied.name,), ((self.varied.low, self.varied.high),))
+        yield from walk(equations, equations.pack(z), longest, False, self.direction, round(STRIDE / longest))
 
     def goes_on(self, most: int) -> bool:
         """Follow the branch by one point more, for so many orbits times impacts; return whether it goes on."""
@@ -80,27 +80,23 @@ class Branch:
         while not self._passes(value) and self.goes_on(MOST):
             pass
         pairs = pairwise(self.way.points if self.way else [])
-        found = [self._crossing(a, b, value) for a, b in pairs if a.system is b.system]
+        found = [self._crossing(a, b, value) for a, b in pairs if a.equations is b.equations]
         return [orbit for orbit in found if orbit is not None and orbit.stable and orbit.admissible]
 
     def _passes(self, value: float) -> bool:
         """Whether the branch has passed a value, or comes back past its beginning."""
         present, points = self.varied.value, self.way.points if self.way else []
-        ways = [(_value(point) - present) / (value - present) for point in points]
+        ways = [(point.value - present) / (value - present) for point in points]
         return bool(ways) and (max(ways) >= 1.0 or min(ways) < -WHOLE)
 
     def _crossing(self, a: Any, b: Any, value: float) -> Any:
         """Return the orbit at a value between two points, or None where that is not between them."""
-        low, high = _value(a), _value(b)
+        low, high = a.value, b.value
         if not min(low, high) <= value <= max(low, high) or low == high:
             return None
         x = a.x + (value - low) / (high - low) * (b.x - a.x)
-        found, converged, _ = a.system.newton(x, np.eye(len(x))[-1])
-        return a.system.orbit(found) if converged else None
-
-
-def _value(point: Any) -> float:
-    return float(point.system.values(point.x)[0])
+        found, converged, _ = a.equations.newton(x, np.eye(len(x))[-1])
+        return a.equations.orbit(found) if converged else None
 
 
 class Branches(dict[tuple[int, str, int], Branch]):

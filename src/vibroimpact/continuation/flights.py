@@ -15,22 +15,30 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.following import DOUBLING, FOLD, LAST_IMPACT, TOUCH, Equations, Nearest
-from vibroimpact.continuation.modes import Modes, modes_of
-from vibroimpact.orbits.admissibility import NearMiss, closest, nearest_misses, orbit_size
+from vibroimpact.continuation.equations import (
+    DOUBLING,
+    FOLD,
+    LAST_IMPACT,
+    LEAST,
+    NUDGE,
+    TOUCH,
+    Equations,
+    Nearest,
+    Range,
+)
+from vibroimpact.continuation.modes import modes_of
+from vibroimpact.orbits.admissibility import closest, nearest_misses, orbit_size
 from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
 from vibroimpact.orbits.orbit import Orbit, make_orbit, solution_of
-from vibroimpact.orbits.systems import AnyOrbit, SystemOrbit
 from vibroimpact.oscillator import ImpactOscillator, the_oscillator
-
-NUDGE = 1e-6  # of a range: by so much a family's parameter is moved to see how the oscillator depends on it
 
 
 @dataclass(frozen=True, kw_only=True)
-class System(Equations):
+class Flights(Equations):
     """Equations of a cycle of one mass, whose speeds are compared with `speed` in m/s."""
 
     cycle: Cycle
@@ -51,6 +59,11 @@ class System(Equations):
         """All impacts of the cycle."""
         return self.cycle.n_impacts
 
+    @property
+    def length(self) -> float:
+        """Driving periods of the cycle."""
+        return self.cycle.n_periods
+
     def scaled(self, z: Floats) -> Floats:
         """Return turns, and velocities in parts of the speed."""
         p = self.cycle.n_impacts
@@ -63,15 +76,10 @@ class System(Equations):
         z[p:] *= self.speed
         return z
 
-    def in_order(self, x: Floats) -> bool:
-        """Whether the impacts follow one another, and the touch is inside its flight."""
-        begin, end = self.cycle.span(x, self.where)
-        return self.cycle.in_order(x) and (self.condition != TOUCH or begin < x[self.inner - 1] < end)
-
     @cached_property
-    def _own(self) -> list[tuple[int, float]] | None:
+    def _places(self) -> list[tuple[int, float]] | None:
         """Which of the oscillator's numbers each free parameter is, and times what; None where it is no such number."""
-        if not isinstance(self.model, ImpactOscillator):
+        if self.model is not self.oscillator:
             return None
         places = {name: (i, 1.0) for i, name in enumerate(self.model.values)}
         places["frequency"] = places["omega"][0], TURN
@@ -80,9 +88,9 @@ class System(Equations):
     def parameters(self, x: Floats) -> list[float]:
         """Return the oscillator's numbers; those of a family go on in a straight line beyond the ranges."""
         values = self.values(x)
-        if self._own is not None:
+        if self._places is not None:
             numbers = parameters_of(self.oscillator)
-            for (i, factor), value in zip(self._own, values, strict=True):
+            for (i, factor), value in zip(self._places, values, strict=True):
                 numbers[i] = factor * value
             return numbers
         inside = self.inside(values)
@@ -95,8 +103,6 @@ class System(Equations):
 
     def _slopes(self, values: list[float]) -> Floats:
         """Return the derivatives of the oscillator's numbers by the free parameters, a row for each of these."""
-        if self._own is not None:
-            return np.array([factor * np.eye(len(self.model.values))[i] for i, factor in self._own])
         rows = []
         for j, (low, high) in enumerate(self.ranges):
             below, above = (max(low, values[j] - NUDGE * (high - low)), min(high, values[j] + NUDGE * (high - low)))
@@ -125,9 +131,9 @@ class System(Equations):
         """Return the conditions that vanish on the boundary alone."""
         parameters, z = self.parameters(x), self.solution(x)
         ahead = (self.touch(x) - self.cycle.span(z, self.where)[0]) * TURN / parameters[4]
-        return self._own_misses(parameters, z, ahead, self.scales[0][0], self.speed)
+        return self._condition(parameters, z, ahead, self.scales[0][0], self.speed)
 
-    def _own_misses(self, parameters: list[float], z: Floats, ahead: float, length: float, speed: float) -> list[float]:
+    def _condition(self, parameters: list[float], z: Floats, ahead: float, length: float, speed: float) -> list[float]:
         """Return the conditions of the boundary alone, in parts of a length and a speed; a touch is `ahead` s away."""
         cycle = self.cycle
         if self.condition in (FOLD, DOUBLING):
@@ -151,7 +157,7 @@ class System(Equations):
         m, _, k, f, w, _, g = self.parameters(x)
         p, natural = self.cycle.n_impacts, math.sqrt(k / m)
         slow = min(1.0, w / (self.cycle.n_periods * natural))  # free turns in a cycle multiply a change of pace
-        force = max(abs(f), k * abs(g), 1e-3 * self.speed * math.sqrt(k * m))
+        force = max(abs(f), k * abs(g), LEAST * self.speed * math.sqrt(k * m))
         damping = min(math.sqrt(k * m), m * w / self.cycle.n_periods)
         numbers = [m * slow, damping, k * slow, force, w * slow, 1.0, force / k]
         free = [
@@ -159,25 +165,19 @@ class System(Equations):
             for size, (low, high) in zip(self._steps(x, numbers), self.ranges, strict=True)
         ]
         turns = np.full(self.inner - p, min(1.0, w / natural))
-        speeds = np.maximum(np.abs(x[p : 2 * p]), 1e-3)
+        speeds = np.maximum(np.abs(x[p : 2 * p]), LEAST)
         return np.concatenate([turns[:p], speeds, turns[p:], free])
 
     def _steps(self, x: Floats, numbers: list[float]) -> list[float]:
         """Return by how much each free parameter must change to change one of the oscillator's numbers by as much."""
-        if self._own is not None:
-            return [numbers[i] / factor for i, factor in self._own]
+        if self._places is not None:
+            return [numbers[i] / factor for i, factor in self._places]
         slopes = np.abs(self._slopes(self.inside(self.values(x))))
         with np.errstate(divide="ignore", invalid="ignore"):
             steps: list[float] = np.where(slopes > 0.0, np.array(numbers) / slopes, math.inf).min(axis=1).tolist()
         return steps
 
-    def weights(self, x: Floats) -> Floats:
-        """Return the weight of each unknown in the length of a step; velocities are relative to the largest above 1."""
-        p, counts = self.cycle.n_impacts, np.ones(len(x))
-        counts[p : 2 * p] /= max(1.0, float(np.abs(x[p : 2 * p]).max()))
-        return counts
-
-    def made(self, x: Floats) -> ImpactOscillator:
+    def oscillator_at(self, x: Floats) -> ImpactOscillator:
         """Return the oscillator, its free parameters inside their ranges."""
         osc: ImpactOscillator = self.model_at(x).at()
         return osc
@@ -196,7 +196,7 @@ class System(Equations):
 
     def nearest(self, x: Floats) -> Nearest | None:
         """Return the closest approach of the mass to the stop between impacts."""
-        osc, z = self.made(x), self.solution(x)
+        osc, z = self.oscillator_at(x), self.solution(x)
         miss = closest(osc, self.cycle, z)
         return None if miss is None else Nearest(miss.flight, miss.turns, miss.gap / orbit_size(osc, z))
 
@@ -207,21 +207,18 @@ class System(Equations):
 
     def residual(self, x: Floats) -> float:
         """Return by how much the orbit misses its flights and its own condition, relative to its size."""
-        osc, z, p = self.made(x), self.solution(x), self.cycle.n_impacts
+        osc, z, p = self.oscillator_at(x), self.solution(x), self.cycle.n_impacts
         parameters, size, speed = parameters_of(osc), orbit_size(osc, z), fastest_of(osc, z[p:])
         flights = self.cycle.misses(parameters, z) / np.repeat([size, speed], p)
         ahead = (self.touch(x) - self.cycle.span(z, self.where)[0]) * osc.period
-        own = self._own_misses(parameters, z, ahead, size, speed)
-        return max(float(np.abs(flights).max()), *map(abs, own))
+        condition = self._condition(parameters, z, ahead, size, speed)
+        return max(float(np.abs(flights).max()), *map(abs, condition))
 
-    def at_graze(self, x: Floats) -> tuple[Equations, Floats]:
-        """Return the condition of the graze that an orbit is at, and its unknown."""
-        where = int(np.argmin(self.speeds(x)))
-        if self.speeds(x)[where] <= 1e-9:
-            return self.bounded(LAST_IMPACT, x, where)
+    def touching(self, x: Floats) -> Nearest | None:
+        """Return the near-miss whose gap is nearest to zero: on a graze another flight may penetrate the stop."""
         misses = nearest_misses(self.oscillator, self.cycle, self.solution(x))
-        lowest = min(misses, key=lambda miss: abs(miss.gap), default=NearMiss(0, math.nan, math.nan))
-        return self.bounded(TOUCH, x, lowest.flight, lowest.turns)
+        miss = min(misses, key=lambda miss: abs(miss.gap), default=None)
+        return None if miss is None else Nearest(miss.flight, miss.turns, miss.gap)
 
     def halves(self, x: Floats) -> Floats | None:
         """Return by how much the halves of a doubled orbit differ."""
@@ -239,20 +236,16 @@ class System(Equations):
         turns = 0.5 * (x[:h] + x[h:p] - 0.5 * n)
         return half, np.concatenate([turns, 0.5 * (x[p : p + h] + x[p + h : 2 * p]), x[2 * p :]])
 
-    def doubled(self, z: Floats) -> tuple[Equations, Floats, Floats]:
-        """Return the equations of two rounds, the orbit traversed twice, and how the rounds separate."""
+    def twice(self, z: Floats) -> tuple[Equations, Floats]:
+        """Return the equations of two rounds, and the orbit traversed twice."""
         n, p = self.cycle.n_periods, self.cycle.n_impacts
-        system = replace(self, cycle=Cycle(2 * n, 2 * p))
-        x = system.pack(np.concatenate([z[:p], z[:p] + n, z[p:], z[p:]]))
-        return system, x, np.append(np.linalg.svd(system.flights_jacobian(x))[2][-1], 0.0)
+        return replace(self, cycle=Cycle(2 * n, 2 * p)), np.concatenate([z[:p], z[:p] + n, z[p:], z[p:]])
 
 
-def system_of(
-    orbit: AnyOrbit, names: tuple[str, ...], ranges: tuple[tuple[float, float], ...]
-) -> tuple[System | Modes, Floats]:
+def equations_of(orbit: Any, names: tuple[str, ...], ranges: tuple[Range, ...]) -> tuple[Equations, Floats]:
     """Return the equations of an orbit with free parameters, and its solution, for `pack`."""
-    if isinstance(orbit, SystemOrbit):
+    if not orbit.oscillator.forgets:
         return modes_of(orbit, names, ranges)
     cycle, z = solution_of(orbit)
     speed = fastest_of(orbit.oscillator, z[cycle.n_impacts :])
-    return System(model=orbit.model, cycle=cycle, names=names, ranges=ranges, speed=speed), z
+    return Flights(model=orbit.model, cycle=cycle, names=names, ranges=ranges, speed=speed), z

@@ -1,0 +1,163 @@
+"""Bifurcations between two points of a branch, solved for exactly, and the branch that is born at one.
+
+Tests along a branch change sign where it folds, doubles its period or grazes. At a period doubling `switch_branch`
+leads to the doubled orbit that is born there.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vibroimpact.continuation.equations import DOUBLING, FOLD, GRAZING, LAST_IMPACT, TORUS, TOUCH, Equations
+from vibroimpact.continuation.flights import equations_of
+from vibroimpact.continuation.following import check_share
+from vibroimpact.continuation.points import Point, Solution
+from vibroimpact.continuation.results import BifurcationPoint
+from vibroimpact.orbits.equations import Floats
+from vibroimpact.parameters import invalid
+from vibroimpact.scales import scale_of
+
+HALVINGS = 12  # of a step, in search of what happens inside
+TRIES = 12  # of an amplitude, halved each time
+
+
+def between(a: Point, b: Point) -> list[Solution]:
+    """Return the bifurcations between two neighbouring points of a branch, in their order."""
+    changed = [condition for condition in a.tests if (a.tests[condition] > 0.0) != (b.tests[condition] > 0.0)]
+    at_impact = LAST_IMPACT in changed
+    wanted = [FOLD] if FOLD in changed else []
+    wanted += [condition for condition in (DOUBLING, TORUS) if condition in changed and not at_impact]
+    grazes = [condition for condition in (LAST_IMPACT, TOUCH) if condition in changed][:1]
+    wanted += grazes if a.clear != b.clear else []
+    found = [special for condition in wanted if (special := _located(condition, a, b)) is not None]
+    return sorted(found, key=lambda special: float((special.on_branch - a.x) @ (b.x - a.x)))
+
+
+def lost_contact(a: Point, b: Point) -> Solution | None:
+    """Return the graze between two points at which a compliant stop loses a contact: beyond, its velocity is negative.
+
+    None if impacts get out of order for another reason.
+    """
+    at = int(np.argmin(b.speeds))
+    if b.speeds[at] >= 0.0 or a.speeds[at] <= 0.0 or not a.equations.gives_at(at):
+        return None
+    return _located(LAST_IMPACT, a, b)
+
+
+def _located(condition: str, a: Point, b: Point) -> Solution | None:
+    """Solve for the bifurcation between two points; while Newton's method leaves the interval, halve it."""
+    for _ in range(HALVINGS):
+        low, high = (
+            value if math.isfinite(value) else math.copysign(1.0, value)
+            for value in (a.tests[condition], b.tests[condition])
+        )
+        share = low / (low - high) if low != high else 0.5
+        special = _solved(condition, a.x + share * (b.x - a.x), a, b)
+        if special is not None:
+            return special
+        middle = a.middle(b)
+        if middle is None:
+            return None
+        a, b = (middle, b) if (middle.tests[condition] > 0.0) == (low > 0.0) else (a, middle)
+    return None
+
+
+def _solved(condition: str, x: Floats, a: Point, b: Point) -> Solution | None:
+    """Return the bifurcation that Newton's method reaches from x, or None if it does not lie between the points."""
+    where, touch, stop = 0, 0.0, 0
+    if condition in GRAZING:
+        owner = a if a.tests[condition] < b.tests[condition] else b
+        where = int(np.argmin(owner.speeds))
+        if condition == TOUCH:
+            if owner.nearest is None:
+                return None
+            where, stop = owner.nearest.flight, owner.nearest.stop
+            # The touch moves with the orbit: its distance from the start of the flight is kept.
+            touch = owner.nearest.turns + float(x[where] - owner.x[where])
+    bounded, start = a.equations.bounded(condition, x, where, touch, stop)
+    found, corrections, _ = bounded.newton(start)
+    if not corrections or not bounded.fits(found):
+        return None
+    special = Solution(bounded, found)
+    part, chord = special.on_branch, b.x - a.x
+    share = float((part - a.x) @ chord / (chord @ chord))
+    aside = float(np.abs(part - a.x - share * chord).max())
+    return special if -1e-9 <= share <= 1.0 + 1e-9 and aside <= float(np.linalg.norm(chord)) else None
+
+
+def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
+    r"""Return an orbit of the branch that is born at a period doubling, or at a pitchfork of symmetric orbits.
+
+    At a period doubling the orbit, traversed twice, solves the equations of 2n periods and 2p impacts with a singular
+    Jacobian; its null vector :math:`\phi` is the direction in which the two rounds separate. The doubled orbit solves
+    the same equations with
+
+    .. math:: \phi \cdot (z - z_0) = \varepsilon,
+
+    and a free parameter, which is regular for :math:`\varepsilon \ne 0` [1]_. A pitchfork is the period doubling of
+    half a cycle and the mirror: the two rounds are the halves of a cycle.
+
+    Parameters
+    ----------
+    point : BifurcationPoint
+        Of kind "period_doubling" or "pitchfork".
+    amplitude : float, 0 to 0.5
+        Separation :math:`\varepsilon` of the two rounds, in driving periods and relative to the orbit's speed; halved
+        as often as needed.
+
+    Returns
+    -------
+    Orbit or SystemOrbit
+        A period-2n impact-2p orbit, at a parameter above or below the point's, wherever the doubled branch is; at a
+        pitchfork an orbit of the same n and p without symmetry, whose `twin` is the other one.
+
+    Raises
+    ------
+    ValueError
+        `point` is neither, `amplitude` is out of its range, or no doubled orbit is found.
+
+    Notes
+    -----
+    Follow it with `continue_orbit`; its branch ends at the point, where the two rounds coincide. The doubled
+    orbit is stable beyond a supercritical period doubling, unstable before a subcritical one. A few milliseconds.
+
+    References
+    ----------
+    .. [1] E. Doedel, H. B. Keller and J. P. Kernévez, "Numerical analysis and control of bifurcation problems (I)",
+       Int. J. Bifurcation Chaos 1 (1991) 493-520.
+
+    Examples
+    --------
+    >>> from vibroimpact.continuation import continue_orbit
+    >>> from vibroimpact.orbits import find_orbit
+    >>> from vibroimpact.oscillator import ImpactOscillator
+    >>> (orbit,) = find_orbit(ImpactOscillator(omega=2.6))
+    >>> branch = continue_orbit(orbit, "omega", (2.5, 2.7))
+    >>> doubled = switch_branch(branch.special[0])
+    >>> doubled.name, doubled.stable
+    ('period-2 impact-2', True)
+    """
+    if not isinstance(point, BifurcationPoint) or point.kind not in ("period_doubling", "pitchfork"):
+        given = getattr(point, "kind", point)
+        raise invalid("point", given, "a period doubling or a pitchfork", "take one from the `special` of a branch")
+    size = check_share("amplitude", amplitude)
+    equations, x, direction = _twice(point)
+    for _ in range(TRIES):
+        start = x + size * direction
+        found, corrections, _ = equations.newton(start, direction)
+        if corrections and np.abs(found - start).max() < 0.5 * size:
+            return Solution(equations, found).orbit
+        size *= 0.5
+    raise ValueError(
+        f"no doubled orbit was found from `point` at {point.parameter} = {point.value:.12g}; try a smaller `amplitude`"
+    )
+
+
+def _twice(point: BifurcationPoint) -> tuple[Equations, Floats, Floats]:
+    """Return the doubled equations, the orbit traversed twice, and the direction in which the rounds separate."""
+    value, width = point.value, scale_of(point.orbit.model, point.parameter, point.value).size
+    once, z = equations_of(point.orbit, (point.parameter,), ((value - width, value + width),))
+    return once.doubled(z)

@@ -1,0 +1,309 @@
+r"""The equations of a cycle with one free parameter, a branch, or with two and a condition more, a boundary.
+
+The unknown x holds the impacts of a cycle, for a graze in mid-flight the turns at which it touches, and the free
+parameters as parts of their ranges. The misses of the cycle, and on a boundary one condition more, vanish. One equation
+fewer than unknowns leaves a curve; with as many the point is isolated.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibroimpact.model import Model
+from vibroimpact.orbits.equations import Floats
+from vibroimpact.orbits.orbit import Orbit, value_of
+
+BRANCH, FOLD, DOUBLING, TORUS = "branch", "fold", "period_doubling", "neimark_sacker"
+TOUCH, LAST_IMPACT = "touch", "last_impact"
+GRAZING = (TOUCH, LAST_IMPACT)
+STEP = 1e-5  # of an unknown's size: differences are then right to about 1e-10, enough for Newton's method
+MOST = 12  # corrections per point
+CLOSE = 1e-9  # the correction after which convergence, which is quadratic, is complete
+FAR = 1e3  # a correction as large leads nowhere
+LEAST = 1e-3  # of the orbit's size: what is smaller does not shorten the differences further
+NUDGE = 1e-6  # of a range: by so much a parameter is moved to see how the equations depend on it
+INSIDE = 1e-6  # turns: a touch nearer to an impact is the impact itself
+REST = 1e-9  # of the orbit's speed: an impact as slow is a graze
+
+Range = tuple[float, float]
+
+
+class Corrected(NamedTuple):
+    """What Newton's method reached, in how many corrections (0: it failed), and the Jacobian before the last."""
+
+    x: Floats
+    corrections: int
+    jacobian: Floats | None = None
+
+
+class Nearest(NamedTuple):
+    """Where an orbit comes closest to a stop between impacts: flight, turns, clearance in parts of its size, stop."""
+
+    flight: int
+    turns: float
+    margin: float
+    stop: int = 0
+    beside: float = math.inf  # the least clearance, likewise, of another stop than the struck one at an impact
+
+
+@dataclass(frozen=True, kw_only=True)
+class Equations(ABC):
+    """Equations of a cycle with free parameters.
+
+    `condition` says which boundary, `where` which flight or impact, `stop` what that flight touches.
+    """
+
+    model: Model
+    cycle: Any
+    names: tuple[str, ...]
+    ranges: tuple[Range, ...]
+    condition: str = BRANCH
+    where: int = 0
+    stop: int = 0
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """How many of the unknowns are the impacts of the cycle."""
+
+    @property
+    @abstractmethod
+    def impacts(self) -> int:
+        """How many impacts, whose turns come first, are solved for."""
+
+    @property
+    @abstractmethod
+    def length(self) -> float:
+        """Driving periods of the cycle, or of half of one that is mirrored."""
+
+    @abstractmethod
+    def scaled(self, z: Floats) -> Floats:
+        """Return the unknowns of a solution that are no parameters."""
+
+    @abstractmethod
+    def orbit(self, x: Floats) -> Orbit:
+        """Return the orbit of a solution."""
+
+    @abstractmethod
+    def possible(self, x: Floats) -> bool:
+        """Whether the flights have a meaning there."""
+
+    @abstractmethod
+    def flights(self, x: Floats) -> Floats:
+        """Return by how much flights miss their impacts, in parts of the orbit's size: as many as `size`."""
+
+    @abstractmethod
+    def flights_jacobian(self, x: Floats) -> Floats:
+        """Return the derivative of these misses by the impacts, in closed form."""
+
+    @abstractmethod
+    def conditions(self, x: Floats) -> list[float]:
+        """Return the conditions that vanish on the boundary alone."""
+
+    @abstractmethod
+    def sizes(self, x: Floats) -> Floats:
+        """Return by how much each unknown must change to change the flights by something of order one."""
+
+    @abstractmethod
+    def velocities(self, x: Floats) -> Floats:
+        """Return the velocities of the impacts in m/s."""
+
+    @abstractmethod
+    def speeds(self, x: Floats) -> Floats:
+        """Return the velocities of the impacts in parts of the orbit's speed."""
+
+    @abstractmethod
+    def nearest(self, x: Floats) -> Nearest | None:
+        """Return the closest approach of the orbit to a stop between impacts."""
+
+    @abstractmethod
+    def tests(self, x: Floats) -> dict[str, float]:
+        """Return the functions that change sign where a multiplier leaves the unit circle, other than at folds."""
+
+    @abstractmethod
+    def halves(self, x: Floats) -> Floats | None:
+        """Return by how much the two halves of a cycle differ; None if it has no halves."""
+
+    @abstractmethod
+    def half(self, x: Floats) -> tuple[Equations, Floats]:
+        """Return the equations of half of a cycle at which such halves separate, and the mean of both."""
+
+    @abstractmethod
+    def twice(self, z: Floats) -> tuple[Equations, Floats]:
+        """Return the equations of two rounds, and the orbit traversed twice."""
+
+    @property
+    def inner(self) -> int:
+        """How many of the unknowns are no parameters."""
+        return self.size + (self.condition == TOUCH)
+
+    @property
+    def kind(self) -> str:
+        """Which bifurcation the condition is."""
+        return "grazing" if self.condition in GRAZING else self.condition
+
+    def in_order(self, x: Floats) -> bool:
+        """Whether the impacts follow one another, and the touch is inside its flight."""
+        ends = np.append(x[: self.impacts], x[0] + self.length)
+        begin, end = ends[self.where : self.where + 2]
+        inside = self.condition != TOUCH or begin + INSIDE < x[self.inner - 1] < end - INSIDE
+        return bool((np.diff(ends) > 0.0).all() and inside)
+
+    def fits(self, x: Floats) -> bool:
+        """Whether a solution is of the kind that the condition stands for: a touch is inside its flight."""
+        return self.condition != TOUCH or self.in_order(x)
+
+    def weights(self, x: Floats) -> Floats:
+        """Return the weight of each unknown in the length of a step; the orbit's numbers are relative to the largest.
+
+        Turns and parameters count as they are, and so do velocities and states below 1.
+        """
+        counts = np.ones(len(x))
+        counts[self.impacts : self.size] /= max(1.0, float(np.abs(x[self.impacts : self.size]).max()))
+        return counts
+
+    def touching(self, x: Floats) -> Nearest | None:
+        """Return the approach to a stop between impacts that is most nearly a touch."""
+        return self.nearest(x)
+
+    def at_graze(self, x: Floats) -> tuple[Equations, Floats]:
+        """Return the condition of the graze that an orbit is at, and its unknown."""
+        where = int(np.argmin(self.speeds(x)))
+        if self.speeds(x)[where] <= REST:
+            return self.bounded(LAST_IMPACT, x, where)
+        touch = self.touching(x) or Nearest(0, math.nan, math.nan)
+        return self.bounded(TOUCH, x, touch.flight, touch.turns, touch.stop)
+
+    def pack(self, z: Floats) -> Floats:
+        """Return the unknown of a solution z of the model at its own values."""
+        free = [
+            (value_of(self.model, name) - low) / (high - low)
+            for name, (low, high) in zip(self.names, self.ranges, strict=True)
+        ]
+        return np.concatenate([self.scaled(z), free])
+
+    def doubled(self, z: Floats) -> tuple[Equations, Floats, Floats]:
+        """Return the equations of two rounds, the unknown of the orbit traversed twice, and how the rounds separate."""
+        equations, both = self.twice(z)
+        x = equations.pack(both)
+        return equations, x, np.append(np.linalg.svd(equations.flights_jacobian(x))[2][-1], 0.0)
+
+    def bounded(
+        self, condition: str, x: Floats, where: int = 0, touch: float = 0.0, stop: int = 0
+    ) -> tuple[Equations, Floats]:
+        """Return these equations with a condition more, and the unknown of theirs that x is."""
+        start = np.concatenate([x[: self.size], [touch] if condition == TOUCH else [], x[self.size :]])
+        return replace(self, condition=condition, where=where, stop=stop), start
+
+    def on_branch(self, x: Floats) -> Floats:
+        """Return the unknown of the branch that a bifurcation lies on."""
+        return np.concatenate([x[: self.size], x[self.inner :]])
+
+    def gives_at(self, where: int) -> bool:
+        """Whether an impact is a contact of a compliant stop, which ends before anything else happens."""
+        return False
+
+    @property
+    def soft(self) -> bool:
+        """Whether the condition is a graze of a compliant stop, beyond which the branch goes on."""
+        return False
+
+    def beyond(self, x: Floats, sign: float) -> tuple[Equations, Floats, Floats] | None:
+        """Return the equations on which a branch goes on beyond a graze, a solution and its tangent, if it does so."""
+        return None
+
+    def touch(self, x: Floats) -> float:
+        """Return the turns at which the orbit grazes; NaN for other conditions."""
+        if self.condition == LAST_IMPACT:
+            return float(x[self.where])
+        return float(x[self.inner - 1]) if self.condition == TOUCH else math.nan
+
+    def values(self, x: Floats) -> list[float]:
+        """Return the free parameters."""
+        return [
+            low + float(part) * (high - low) for part, (low, high) in zip(x[self.inner :], self.ranges, strict=True)
+        ]
+
+    def inside(self, values: list[float]) -> list[float]:
+        """Return the values next to these in the ranges."""
+        return [min(max(value, low), high) for value, (low, high) in zip(values, self.ranges, strict=True)]
+
+    def model_at(self, x: Floats) -> Model:
+        """Return the model, its free parameters inside their ranges."""
+        return self.model.replace(**dict(zip(self.names, self.inside(self.values(x)), strict=True)))
+
+    def distance(self, start: Floats, x: Floats) -> float:
+        """Return the distance of a point of the curve from its first one; whole turns do not count."""
+        apart = (x - start) * self.weights(start)
+        apart[[*range(self.impacts), *([self.size] if self.condition == TOUCH else [])]] -= np.rint(apart[0])
+        return float(np.linalg.norm(apart))
+
+    def residual(self, x: Floats) -> float:
+        """Return by how much the orbit misses its flights and its own condition, relative to its size."""
+        return float(np.abs(self.misses(x)).max())
+
+    def misses(self, x: Floats) -> Floats:
+        """Return the residuals, in parts of the orbit's size."""
+        flights = self.flights(x)
+        return flights if self.condition == BRANCH else np.append(flights, self.conditions(x))
+
+    def jacobian(self, x: Floats) -> Floats:
+        """Return the derivative of the misses: of the flights by the impacts in closed form, the rest not."""
+        sizes = self.sizes(x)
+        matrix = np.zeros((self.size + len(self.conditions(x)), len(x)))
+        matrix[: self.size, : self.size] = self.flights_jacobian(x)
+        for j in range(len(x)):
+            first = 0 if j >= self.inner else self.size
+            if first < len(matrix):
+                matrix[first:, j] = self._difference(x, j, sizes[j], first)
+        return matrix
+
+    def _difference(self, x: Floats, j: int, size: float, first: int) -> Floats:
+        """Return the derivative of the misses, those of the flights only if `first` is 0, by one unknown."""
+
+        def misses(value: float) -> Floats:
+            moved = x.copy()
+            moved[j] = value
+            return self.misses(moved) if first == 0 else np.array(self.conditions(moved))
+
+        step = STEP * size
+        return (misses(x[j] + step) - misses(x[j] - step)) / (2.0 * step)
+
+    def newton(self, x: Floats, row: Floats | None = None, target: float | None = None) -> Corrected:
+        """Return the solution near x, with row . x = target (its own by default)."""
+        x = x.copy()
+        aim: Any = row @ x if row is not None and target is None else target
+        for corrections in range(1, MOST + 1):
+            if not self.possible(x):
+                break
+            try:
+                misses, jacobian = self.misses(x), self.jacobian(x)
+            except ValueError:  # a family makes no oscillator of values beside these
+                break
+            matrix = jacobian
+            if row is not None:
+                misses, matrix = np.append(misses, row[None, :] @ x - aim), np.concatenate([jacobian, row[None, :]])
+            if not (np.isfinite(misses).all() and np.isfinite(matrix).all()):
+                break
+            try:
+                correction = np.linalg.solve(matrix, misses)
+            except np.linalg.LinAlgError:
+                break
+            x -= correction
+            size = float(np.abs(correction).max())
+            if size < CLOSE:
+                return Corrected(x, corrections, jacobian)
+            if not size < FAR:
+                break
+        return Corrected(x, 0)
+
+    def tangent(self, x: Floats, along: Floats, jacobian: Floats | None = None) -> Floats:
+        """Return the tangent of the curve at x, in the direction of `along`, of weighted length 1."""
+        counts = self.weights(x)
+        direction = np.linalg.svd((self.jacobian(x) if jacobian is None else jacobian) / counts)[2][-1]
+        return np.asarray(direction / counts * (1.0 if direction @ (along * counts) >= 0.0 else -1.0))

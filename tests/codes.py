@@ -1,0 +1,116 @@
+"""The engine and the independent witness, asked the same: what holds of a motion must hold by either code."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+import vibroimpact as vi
+from systems import CONTACT, linear, one_mass
+from vibroimpact.backends.reference.systems import follow
+from vibroimpact.indices import INDICES
+
+OF_IMPACTS = ("time", "velocity", *CONTACT)
+
+
+class Motion(NamedTuple):
+    """The impacts as arrays, what happens to stops as (time, kind, stop) in order of time, and (q, v) at the end."""
+
+    impacts: dict[str, np.ndarray]
+    events: list[tuple[float, str, int]]
+    state: np.ndarray
+
+
+class Engine:
+    """The engine, by the package's public functions."""
+
+    many = 200  # impacts that it makes in no time
+
+    def impacts(self, model, q, v, time=0.0, number=20, cut=1e-9):
+        """Return the first impacts as arrays, stops by their numbers; those slower than `cut` of V are not recorded."""
+        start, how = vi.State([*q], [*v], time), {"tolerances": vi.Tolerances(chatter=cut)}
+        seen = vi.impact_section(model, start=start, transient_impacts=0, sample_impacts=number, **how)
+        found = {name: seen[name].values for name in (*OF_IMPACTS, "simultaneous") if name in seen}
+        return found | {"stop": self._numbers(model, seen["stop"])}
+
+    def motion(self, model, q, v, time=0.0, periods=1.0, cut=1e-9):
+        """Return the motion over some driving periods, a multiple of 1/64 of them."""
+        how = {"samples_per_period": 64, "tolerances": vi.Tolerances(chatter=cut)}
+        seen = vi.simulate(model, start=vi.State([*q], [*v], time), periods=periods, **how)
+        kinds, found = (("impact", "impact"), ("stick", "stick"), ("release", "stick")), []
+        for kind, dim in kinds:
+            stops = self._numbers(model, seen[f"{dim}_stop"]).tolist()
+            found += zip(seen[f"{kind}_time"].values.tolist(), [kind] * len(stops), stops, strict=True)
+        names = {name: f"impact_{name}" if name in ("time", "velocity") else name for name in OF_IMPACTS}
+        hits = {name: seen[known].values for name, known in names.items() if known in seen}
+        state = np.concatenate([seen["displacement"].values[-1], seen["velocity"].values[-1]])
+        return Motion(hits, sorted((e for e in found if np.isfinite(e[0])), key=lambda e: e[0]), state)
+
+    @staticmethod
+    def _numbers(model, names):
+        return np.array([model.stop_names.index(name) for name in names.values], int)
+
+
+class Witness:
+    """The NumPy witness for systems, which shares no line with the engine."""
+
+    many = 12
+
+    def impacts(self, model, q, v, time=0.0, number=20, cut=1e-9):
+        """Return the first impacts, as `Engine.impacts` does."""
+        how = {"impacts": number, "cut": cut * model.velocity_scale}
+        return self._arrays(follow(linear(model), q, v, time, **how))
+
+    def motion(self, model, q, v, time=0.0, periods=1.0, cut=1e-9):
+        """Return the motion over some driving periods, as `Engine.motion` does."""
+        how = {"impacts": 10**6, "most_periods": periods, "cut": cut * model.velocity_scale}
+        seen = follow(linear(model), q, v, time, **how)
+        events = [(event.time, event.kind, event.stop) for event in seen.events]
+        return Motion(self._arrays(seen), events, np.concatenate([seen.end.displacement, seen.end.velocity]))
+
+    @staticmethod
+    def _arrays(seen):
+        names = *OF_IMPACTS, "simultaneous", "stop"
+        return {name: np.array([getattr(event, name) for event in seen.impacts]) for name in names}
+
+
+def later(code, model, state, begin, turns):
+    """Return (q, v) some driving periods later."""
+    return code.motion(model, *np.split(np.asarray(state, float), 2), begin, turns).state
+
+
+def differences(code, model, x, begin, turns, step=2e-5):
+    """Return the derivative of the state some driving periods later by the state before, by central differences."""
+    columns = []
+    for unit in step * np.eye(len(x)):
+        near, far = (
+            (later(code, model, x + k * unit, begin, turns) - later(code, model, x - k * unit, begin, turns)) / (2 * k)
+            for k in (1, 2)
+        )
+        columns.append((4 * near - far) / (3 * step))
+    return np.array(columns).T
+
+
+class Way:
+    """An oscillator by the engine of one mass, as a system by that of systems, or by the back end `reference`."""
+
+    def __init__(self, name):
+        self.name, self.backend = name, "reference" if name == "witness" else "cpu"
+        self.slow, self.as_system = name == "witness", name == "engine of systems"
+
+    def _asked(self, function, osc, how):
+        return function(one_mass(osc) if self.as_system else osc, backend=self.backend, **how)
+
+    def section(self, osc, transient=0, sample=20, **how):
+        """Return impacts and rests; `transient` impacts are left out."""
+        return self._asked(vi.impact_section, osc, {"transient_impacts": transient, "sample_impacts": sample} | how)
+
+    def simulate(self, osc, **how):
+        """Return the motion over time."""
+        seen = self._asked(vi.simulate, osc, how)
+        return seen.isel(coordinate=0) if self.as_system else seen
+
+    def indices(self, osc, names=tuple(INDICES), transient=100, sample=5000, **how):
+        """Return indices of the window of impacts, as plain numbers by their names, with the status."""
+        how |= {"transient_impacts": transient, "sample_impacts": sample, "indices": names}
+        found = self._asked(vi.parameter_map, osc, {"omega": [osc.omega]} | how).isel(omega=0)
+        return {name: found[name].item() for name in (*names, "status")}

@@ -1,0 +1,264 @@
+"""A system that is one mass in front of one fixed rigid stop moves as its oscillator does, by whichever code."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from codes import Witness
+from systems import impacts, one_mass
+from vibroimpact.backends import one_mass as engine
+from vibroimpact.indices import INDICES
+
+SAMPLES = {"transient_impacts": 200, "sample_impacts": 500, "workers": 1}
+
+
+def a_machine(seed, settled=False):
+    """Return a system of one mass, its stop on either side, loaded and driven at any phase, and the same oscillator.
+
+    The oscillator moves about the equilibrium under the constant load, towards its stop, with its own phase.
+    """
+    rng = np.random.default_rng([4001, seed])
+    mass, stiffness, force = rng.uniform(0.5, 3.0, 3)
+    omega = rng.uniform(0.3, 4.0) * math.sqrt(stiffness / mass)
+    damping = rng.uniform(0.1, 0.4) if settled else rng.choice([0.0, 0.02, 0.2])
+    bounce = rng.uniform(0.2, 0.6 if settled else 0.95)
+    side, load = rng.choice([-1.0, 1.0, 2.5]), rng.choice([0.0, rng.uniform(-0.3, 0.3)])
+    phase, gap = rng.choice([0.0, rng.uniform(0.0, 2.0 * math.pi)]), rng.uniform(-0.2, 0.6)
+    system = vi.ImpactSystem(
+        mass=mass,
+        damping=damping * math.sqrt(stiffness * mass),
+        stiffness=stiffness,
+        force=vi.Force(omega=omega, harmonics={1: force * np.exp(1j * phase)}, constant=load),
+        stops=[vi.Stop(direction=side, gap=gap, restitution=bounce)],
+    )
+    offset = side * load / stiffness
+    turn = phase + (math.pi if side < 0.0 else 0.0)
+    oscillator = vi.ImpactOscillator(
+        mass=mass / side**2,
+        damping=system.damping.item() / side**2,
+        stiffness=stiffness / side**2,
+        amplitude=force / abs(side),
+        omega=omega,
+        restitution=bounce,
+        gap=gap - offset,
+    )
+    start = vi.State(min(0.0, gap) - offset, 0.0, (turn / omega) % oscillator.period)
+    return system, oscillator, start
+
+
+@pytest.mark.parametrize("block", range(4))
+def test_its_indices_are_those_of_the_oscillator_that_it_is(block):
+    settled = 0
+    for seed in range(10 * block, 10 * block + 10):
+        system, oscillator, start = a_machine(seed)
+        for omega in system.omega * np.linspace(0.9, 1.1, 5):
+            there = vi.State(start.displacement, 0.0, start.time * system.omega / omega)
+            ours = vi.parameter_map(system, omega=[omega], indices=tuple(INDICES), **SAMPLES)
+            theirs = vi.parameter_map(oscillator, omega=[omega], indices=tuple(INDICES), start=there, **SAMPLES)
+            if theirs["n_periods"] == 0 or theirs["lyapunov"] > -0.02 * system.omega:
+                continue  # chaos, or hardly attracting: rounding grows
+            settled += 1
+            assert ours["status"] == theirs["status"]
+            for name in INDICES:
+                near = {"rel": 1e-6, "abs": 1e-9 * float(theirs["max_velocity"].fillna(1.0)[0])}
+                assert float(ours[name][0]) == pytest.approx(float(theirs[name][0]), **near, nan_ok=True), (seed, name)
+    assert settled > 10
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_its_motions_are_those_of_the_engine_of_systems(seed, request):
+    """Rounding has not grown by then: the motions are strongly damped, and few impacts long."""
+    system, _, _ = a_machine(seed, settled=True)
+    looks = {"transient_periods": 3, "sample_periods": 6, "phase": 0.3 * (seed % 2)}
+
+    def motions():
+        return [
+            vi.simulate(system, periods=3),
+            vi.simulate(system, periods=3, skip_periods=5, samples_per_period=7),
+            vi.impact_section(system, transient_impacts=2, sample_impacts=9),
+            vi.stroboscopic_section(system, **looks),
+        ]
+
+    ours = motions()
+    request.getfixturevalue("modal_engine")
+    for mine, theirs in zip(ours, motions(), strict=True):
+        assert mine.sizes == theirs.sizes
+        for name in mine.variables:
+            assert mine[name].dims == theirs[name].dims
+            assert str(mine[name].attrs) == str(theirs[name].attrs)
+            if mine[name].dtype.kind == "f":
+                assert mine[name].values == pytest.approx(theirs[name].values, rel=1e-7, abs=1e-8, nan_ok=True), name
+            else:
+                assert mine[name].values.tolist() == theirs[name].values.tolist()
+
+
+def test_chaos_has_the_same_statistics_by_both_engines(request):
+    system = one_mass(vi.ImpactOscillator(omega=2.8))
+    names = "std", "mean_velocity", "impacts_per_period", "lyapunov", "dissipation"
+    ours, theirs = [], []
+    for found in ours, theirs:
+        found += [
+            vi.parameter_map(system, omega=[2.8], indices=names, sample_impacts=100_000, start=vi.State(-x))
+            for x in (0.1, 0.2, 0.3, 0.4)
+        ]
+        if found is ours:
+            request.getfixturevalue("modal_engine")
+    for name in names:
+        mine, other = ([float(one[name][0]) for one in found] for found in (ours, theirs))
+        spread = np.std(mine + other)
+        assert abs(np.mean(mine) - np.mean(other)) < 3.0 * spread, name
+
+
+@pytest.mark.parametrize(
+    ("change", "is_one"),
+    [
+        ({}, True),
+        ({"force": vi.Force(omega=2.0)}, True),
+        ({"force": vi.Force(omega=2.0, harmonics={1: 1.0, 3: 0.1})}, False),
+        ({"stiffness": 0.0, "damping": 0.1}, False),
+        ({"stops": [vi.Stop(direction=-2.0, gap=0.1, restitution=0.5)]}, True),
+        ({"stops": [vi.Stop(direction=1.0, gap=0.1, stiffness=100.0)]}, False),
+        ({"stops": [vi.Stop(direction=1.0, gap=0.1, restitution=lambda speed: 0.5)]}, False),
+        ({"stops": [vi.Stop(direction=1.0, gap=0.1, restitution=0.5, motion={1: 0.01})]}, False),
+        ({"stops": [vi.Stop(direction=1.0, gap=0.1), vi.Stop(direction=-1.0, gap=0.1)]}, False),
+    ],
+)
+def test_what_counts_as_one_mass(change, is_one):
+    assert engine.is_one_mass(one_mass(vi.ImpactOscillator(gap=0.3), **change).cells({})).all() == is_one
+
+
+def test_in_one_table_each_cell_has_the_engine_that_it_has_alone():
+    """A stiffness of zero is for the engine of systems: what a cell hangs on is its own numbers, not its neighbours."""
+    osc = vi.ImpactOscillator(omega=2.8, gap=0.1)
+    designs = [one_mass(osc, stiffness=stiffness, damping=0.1) for stiffness in (1.0, 0.0, 2.0, 0.0)]
+    cells = type(designs[0]).cells_of(designs)
+    assert engine.is_one_mass(cells).tolist() == [True, False, True, False]
+    wanted = vi.backends.Measurement(vi.backends.ImpactWindow(10, 50), indices=("std", "n_periods"), by_stop=True)
+    together = vi.backends.get_backend("cpu").indices(cells, wanted)
+    for row in range(4):
+        alone = vi.backends.get_backend("cpu").indices(cells[row : row + 1], wanted)
+        for name in ("std", "n_periods", "status"):
+            assert np.array_equal(together[name][row], alone[name][0], equal_nan=True)
+
+
+SLOW, STEEP = vi.State(-1.0, 0.1, 0.3), vi.State(-1.3, 0.1, 0.3)
+MOTIONS = {  # an oscillator, where it begins, and how often it rests at least
+    "w=2": (vi.ImpactOscillator(omega=2.0), SLOW, 0),
+    "gap": (vi.ImpactOscillator(omega=1.4, gap=0.4, damping=0.1), SLOW, 0),
+    "slow": (vi.ImpactOscillator(omega=0.2, restitution=0.2, damping=0.05), SLOW, 3),
+    "preloaded": (vi.ImpactOscillator(omega=0.6, restitution=0.3, gap=-0.3, damping=0.1), STEEP, 3),
+    "r=0": (vi.ImpactOscillator(omega=0.3, restitution=0.0, gap=0.2), SLOW, 3),
+    "overdamped": (
+        vi.ImpactOscillator(omega=0.25, restitution=0.4, gap=-0.2, damping=3.0), vi.State(-1.2, 0.1, 0.3), 2,
+    ),
+    "r=0, from rest": (
+        vi.ImpactOscillator(mass=1.0, damping=0.11, stiffness=1.47, amplitude=0.63, omega=0.32, restitution=0.0),
+        vi.State(0.0), 1,
+    ),
+    "pressed": (vi.ImpactOscillator(amplitude=0.4, omega=0.8, gap=-1.0, restitution=0.6), vi.State(-1.5, 0.0), 0),
+    "clear": (vi.ImpactOscillator(damping=0.34, amplitude=1.0, gap=1.1, omega=0.2), vi.State(1.0, 3.0), 0),
+    "r=0.03": (
+        vi.ImpactOscillator(damping=0.4, stiffness=2.5, omega=1.1, restitution=0.03, gap=-0.4), vi.State(-1.0, 0.0), 1,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_it_has_the_impacts_and_the_rests_of_the_oscillator(code, name):
+    osc, start, rests = MOTIONS[name]
+    if isinstance(code, Witness) and osc.stiffness * osc.gap == -osc.amplitude:
+        pytest.skip("the witness does not get past an instant at which the force of a closed stop just falls to zero")
+    known, model = impacts(osc, 60, start=start), one_mass(osc)
+    state = [start.displacement], [start.velocity], start.time
+    seen = code.impacts(model, *state, number=known.sizes["impact"])
+    late, fast = seen["time"] - known["time"].values, seen["velocity"] - known["velocity"].values
+    assert np.abs(late).max() * osc.natural_frequency < 1e-12
+    assert np.abs(fast).max() < 1e-12 * osc.velocity_scale
+    begun, last = known["time"].values[[0, -1]]
+    until = last if known.sizes["impact"] == 60 else math.inf  # it may stay at the stop
+    events = code.motion(model, *state, periods=math.ceil((last - start.time) / osc.period) + 1).events
+    sticks, releases = (
+        [at for at, kind, _ in events if kind == one and begun <= at < until] for one in ("stick", "release")
+    )
+    theirs = known["stick_time"].values, known["release_time"].values
+    assert len(sticks) == len(theirs[0]) >= rests
+    for mine, other in zip((sticks, releases), theirs, strict=True):
+        assert mine == pytest.approx(other[other < until], abs=1e-12 / osc.natural_frequency)
+
+
+@pytest.mark.parametrize("transient", [0, 2])
+@pytest.mark.parametrize("name", MOTIONS)
+def test_sticks_and_status_are_those_between_the_first_and_the_last_impact(name, transient, modal_engine):
+    osc, start, _ = MOTIONS[name]
+    there = vi.State([start.displacement], [start.velocity], start.time)
+    one, system = impacts(osc, 15, transient, start=start), impacts(one_mass(osc), 15, transient, start=there)
+    assert int(one["status"]) == int(system["status"])
+    for part in ("stick_time", "release_time", "time", "velocity"):
+        np.testing.assert_allclose(system[part].values, one[part].values, rtol=1e-12, err_msg=part)
+
+
+def test_random_oscillators_make_the_same_first_20_impacts(code):
+    """As far as errors of their start have not grown."""
+    rng = np.random.default_rng(1)
+    for _ in range(25):
+        osc = vi.ImpactOscillator(
+            mass=10 ** rng.uniform(-1, 1), stiffness=10 ** rng.uniform(-1, 1), damping=10 ** rng.uniform(-2, 0),
+            amplitude=1.0, omega=10 ** rng.uniform(-0.7, 0.7), restitution=rng.uniform(0, 0.8),
+            gap=rng.uniform(-0.5, 0.5),
+        )  # fmt: skip
+        behind = rng.uniform(0, 1)
+        known, near = (impacts(osc, 20, start=vi.State(osc.gap - back)) for back in (behind, behind * (1 + 1e-9)))
+        seen = code.impacts(one_mass(osc), [osc.gap - behind], [0.0], number=max(known.sizes["impact"], 1))
+        assert len(seen["time"]) == known.sizes["impact"]
+        for part in ("time", "velocity") if near.sizes == known.sizes else ():
+            growth = np.maximum.accumulate(np.abs(near[part].values - known[part].values)) / 1e-9
+            wrong = np.abs(seen[part] - known[part].values)
+            assert (wrong <= 1e-12 * (1 + known[part].values) + 1e-13 * growth).all()
+
+
+@pytest.mark.long
+def test_settled_random_systems_of_one_coordinate_move_as_the_oscillator_does(modal_engine):
+    rng = np.random.default_rng(20261123)
+    names, sticks, settled = ("velocity", "time", "phase", "stick_time", "release_time"), 0, 0
+    while settled < 200:
+        osc = vi.ImpactOscillator(
+            mass=rng.uniform(0.3, 3),
+            stiffness=rng.uniform(0.3, 3),
+            damping=rng.uniform(0.05, 0.5),
+            amplitude=rng.uniform(0.3, 2),
+            omega=rng.choice([rng.uniform(0.1, 0.5), rng.uniform(0.6, 3)]),
+            restitution=rng.choice([0.0, rng.uniform(0.1, 0.6)]),
+            gap=rng.uniform(-0.3, 0.3),
+        )
+        own, other = impacts(osc, 20, 100), impacts(one_mass(osc), 20, 100)
+        assert int(own["status"]) == int(other["status"])
+        sticks += own.sizes["stick"]
+        assert own.sizes["impact"] == other.sizes["impact"]
+        if not own.sizes["impact"]:
+            continue
+        drift = impacts(osc, 20, 100, start=vi.State(min(0.0, osc.gap) - 1e-9))
+        if drift.sizes["impact"] != own.sizes["impact"] or np.abs(drift["velocity"] - own["velocity"]).max() > 1e-9:
+            continue  # not settled
+        settled += 1
+        for name in names:
+            size = osc.period if "time" in name else 1.0
+            np.testing.assert_allclose(other[name] / size, own[name] / size, rtol=1e-12, atol=1e-12, err_msg=name)
+    assert sticks > 100
+
+
+def test_indices_of_maps_are_those_of_the_oscillator(modal_engine):
+    osc = vi.ImpactOscillator(damping=0.2, omega=1.4, restitution=0.6, gap=0.1)
+    names = ("std", "mean_velocity", "max_velocity", "impacts_per_period", "dissipation", "impact_phase_spread")
+    axis = np.linspace(0.3, 3.0, 40)
+    own, other = (
+        vi.parameter_map(model, omega=axis, indices=names, transient_impacts=2000, sample_impacts=600)
+        for model in (osc, one_mass(osc))
+    )
+    once = (own["impacts_per_period"].values == 1.0) & np.isclose(own["std"], 0.0, atol=1e-9)
+    assert once.sum() > 8
+    for name in names:
+        np.testing.assert_allclose(
+            other[name].values[once], own[name].values[once], rtol=1e-10, atol=1e-10, err_msg=name
+        )

@@ -1,0 +1,106 @@
+"""Random systems, with rigid stops or of any kind: the engine makes the impacts of the witness."""
+
+import math
+import os
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from systems import difference, drawn, impacts, linear, system
+from vibroimpact.backends.reference.systems import follow
+
+SEEDS, BLOCK = (1000, 500) if "FUZZ" in os.environ else (100, 100), 25  # `make fuzz` asks for all
+
+
+def until_rounding_decides(model, q, speed):
+    """Return how many impacts are made before rounding decides which stop is struck next, and whether there are rests.
+
+    Or None where a stop that moves squeezes a mass against another.
+    """
+    try:
+        seen = follow(linear(model), q, speed, impacts=20, most_periods=30, cut=1e-9 * model.velocity_scale)
+    except ValueError:
+        return None, False
+    pairs, apart = enumerate(pairwise(seen.impacts), start=1), 1e-9 * model.period
+    sure = next((at for at, (a, b) in pairs if a.stop != b.stop and b.time - a.time < apart), len(seen.impacts))
+    return sure, any(event.kind == "stick" for event in seen.events)
+
+
+@pytest.mark.long(but=1)
+@pytest.mark.parametrize("first", range(0, SEEDS[0], BLOCK))
+def test_the_first_20_impacts_on_rigid_stops_are_those_of_the_witness(first):
+    compared = squeezed = sticks = 0
+    for seed in range(first, first + BLOCK):
+        model, q, speed = drawn(np.random.default_rng([7, seed]))
+        sure, rests = until_rounding_decides(model, q, speed)
+        if sure is None:
+            squeezed += 1
+            continue
+        number, wrong, what = difference(seed, model, q, speed, sure)
+        assert wrong < 1e-11, (seed, what)
+        compared, sticks = compared + number, sticks + rests
+    assert compared > 12 * BLOCK
+    assert squeezed <= 1
+    assert sticks > 0.1 * BLOCK
+
+
+@pytest.mark.long(but=1)
+@pytest.mark.parametrize("first", range(0, SEEDS[1], BLOCK))
+def test_the_first_20_impacts_on_stops_of_any_kind_are_those_of_the_witness(first):
+    seeds = range(first, first + BLOCK)
+    found = [difference(seed, *drawn(np.random.default_rng([17, seed]), of_any_kind=True)) for seed in seeds]
+    compared, wrong, _ = zip(*found, strict=True)
+    failed = {first + i: found[i] for i in np.flatnonzero(np.array(wrong) >= 1e-11)}
+    assert failed.keys() <= {273}, failed
+    assert max(wrong) < 2e-11  # that one makes 1e5 steps between springs that never let go, and errs by an ulp a step
+    assert sum(compared) > 12 * BLOCK
+
+
+def of_whole_numbers(rng):
+    """Return a chain of small whole numbers and a speed: gaps of 0, r of 0 and 1, masses that nothing holds."""
+    n = int(rng.integers(1, 4))
+    stiffness = np.diag(rng.integers(0, 3, n)).astype(float)
+    for i in range(n - 1):
+        stiffness[i : i + 2, i : i + 2] += rng.integers(0, 3) * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    stops, known = [], set()
+    for _ in range(rng.integers(1, 4)):
+        direction = rng.integers(-1, 2, n)
+        if direction.any() and tuple(direction) not in known:  # which of two at one place is struck, rounding decides
+            known.add(tuple(direction))
+            moves = {1: float(rng.integers(-1, 2))} if rng.random() < 0.3 else {}
+            gap, ratio = float(rng.choice([0, 0, 1, 2])), float(rng.choice([0, 1, 0.5]))
+            stops.append(vi.Stop(direction=direction, gap=gap, restitution=ratio, motion=moves))
+    damping = rng.choice([0.0, 0.1, 1.0]) * np.diag(rng.integers(0, 2, n))
+    mass, load, constant = np.diag(rng.integers(1, 4, n)), rng.integers(-2, 3, n), rng.integers(-1, 2, n)
+    model = system(mass, damping, stiffness, rng.choice([1.0, 2.0, 0.5]), stops, {1: load}, constant=constant)
+    return model, (rng.integers(-1, 2, n) * rng.integers(0, 2)).astype(float)
+
+
+@pytest.mark.long
+def test_systems_of_whole_numbers_make_the_impacts_of_the_witness():
+    """Two motions stay together until rounding decides: a stop is just touched, or struck just after another."""
+    compared = 0
+    for seed in range(80):
+        model, speed = of_whole_numbers(np.random.default_rng([23, seed]))
+        start, cut = np.zeros(len(speed)), 1e-9 * model.velocity_scale
+        try:
+            seen = follow(linear(model), start, speed, impacts=12, most_periods=20, cut=cut).impacts[:12]
+        except ValueError:  # a stop that moves squeezes a mass against another
+            continue
+        own = impacts(model, 12, start=vi.State(start.tolist(), speed.tolist()))
+        hard = 1e-6 * max([model.velocity_scale, *(event.velocity for event in seen)])
+        touched = [event.time for event in seen if event.velocity < hard]
+        touched += own["time"].values[own["velocity"].values < hard].tolist()
+        after = [(b.time, b.time - a.time) for a, b in pairwise(seen) if a.stop != b.stop]
+        touched += [time for time, since in after if 0.0 < since < 1e-3 * model.period]
+        until = min([*touched, math.inf]) - 1e-6
+        known = sorted((e.time, model.stop_names[e.stop], e.velocity) for e in seen if e.time < until)
+        found = sorted(zip(*(own[name].values.tolist() for name in ("time", "stop", "velocity")), strict=True))
+        assert len(found) >= len(known), seed
+        for one, other in zip(known, found, strict=False):
+            assert one[1] == other[1], seed
+            assert (one[0], one[2]) == pytest.approx((other[0], other[2]), rel=1e-7, abs=hard), seed
+        compared += len(known)
+    assert compared > 300
