@@ -173,9 +173,6 @@ class SystemOrbit(Orbit):
         return moved(cycle, unknown, np.asarray(times, float) * self.system.force.omega)
 
 
-AnyOrbit = Orbit
-
-
 def phases_of(turns: Sequence[float]) -> tuple[float, ...]:
     """Return driving phases, in [0, 1), from times in driving periods."""
     return tuple(turn % 1.0 for turn in turns)
