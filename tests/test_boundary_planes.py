@@ -14,8 +14,8 @@ from vibroimpact.continuation.sticking import Sticking
 from vibroimpact.dataset import bundle
 from vibroimpact.orbits import find_orbit
 from vibroimpact.orbits.equations import parameters_of
+from vibroimpact.orbits.one_mass import solve
 from vibroimpact.orbits.orbit import make_orbit, solution_of
-from vibroimpact.orbits.search import solve
 from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release, scaling_exponent
 from vibroimpact.report import sentences_of
 

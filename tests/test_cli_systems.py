@@ -9,7 +9,6 @@ import pytest
 
 import vibroimpact as vi
 from systems import two_masses
-from vibroimpact.orbits.systems import find
 
 TWO = """
 import vibroimpact as vi
@@ -75,7 +74,7 @@ def test_a_command_computes_a_system(run, command, lines):
 
 def test_orbits_of_a_system_are_listed_and_kept_as_those_of_one_mass(run, tmp_path):
     code, told, _ = run("orbit --model two_sided_oscillator --stops left --symmetric")
-    (orbit,) = find(vi.models.two_sided_oscillator(), stops="left", symmetric=True)
+    (orbit,) = vi.find_orbit(vi.models.two_sided_oscillator(), stops="left", symmetric=True)
     assert (code, told[0]) == (0, "1 period-1 impact-2 orbit")
     assert told[1].startswith("1. period-1 impact-2, stable, repeats every 0.04 s")
     assert f"hits at {orbit.velocities[0]:.6g} m/s at phase {orbit.phases[0]:.6g} on left" in told[2]

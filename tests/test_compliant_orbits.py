@@ -10,7 +10,6 @@ from scipy.optimize import brentq
 
 import vibroimpact as vi
 from vibroimpact.continuation import continue_boundary, continue_orbit, switch_branch
-from vibroimpact.orbits.systems import find
 
 KELVIN_VOIGT = 0.571740027585  # restitution of z = 0.2, let go where the force is zero
 
@@ -82,7 +81,7 @@ def of_one_stop(found):
 
 @pytest.fixture(scope="module")
 def branch():
-    return continue_orbit(find(two_masses)[0], "omega", (0.6, 0.8))
+    return continue_orbit(vi.find_orbit(two_masses)[0], "omega", (0.6, 0.8))
 
 
 @pytest.mark.long
@@ -105,7 +104,7 @@ def test_two_masses_on_a_one_sided_spring_have_a_neimark_sacker_point(branch):
 @pytest.mark.long
 def test_two_masses_on_a_one_sided_spring_swing_farthest_where_it_is_known():
     # There the constant part counts half: sqrt(q_0^2/2 + sum |q_h|^2/2) of the displacement.
-    found = continue_orbit(find(two_masses.replace(omega=0.754))[0], "omega", (0.7525, 0.7552), step=0.02)
+    found = continue_orbit(vi.find_orbit(two_masses.replace(omega=0.754))[0], "omega", (0.7525, 0.7552), step=0.02)
     swings = []
     for orbit in found.orbits:
         displacement, _, _ = orbit.motion(np.linspace(0.0, orbit.period, 512, endpoint=False))
@@ -129,7 +128,7 @@ def test_a_contact_is_born_where_the_motion_without_stops_swings_as_far_as_the_g
 
 @pytest.mark.long
 def test_without_damping_multipliers_go_on_beyond_a_graze():
-    begin = of_one_stop(find(between.replace(below=1.4, gap=0.2, omega=2.0, stiffness=100.0), stops="above"))
+    begin = of_one_stop(vi.find_orbit(between.replace(below=1.4, gap=0.2, omega=2.0, stiffness=100.0), stops="above"))
     found = continue_orbit(begin, "below", (1.0, 1.5))
     (graze,) = (point for point in found.special if point.kind == "grazing")
     born = next(
@@ -203,9 +202,9 @@ def test_both_orbits_of_a_resonance_are_found_for_ever_less_damping():
 
 
 def test_orbits_of_a_stiff_undamped_stop_are_found_and_the_durations_left_out_are_told():
-    (orbit,) = find(bilinear(1e7, 0.0))
+    (orbit,) = vi.find_orbit(bilinear(1e7, 0.0))
     assert 0.0 < orbit.contacts[0].contact_time < 0.002
-    told = find(bilinear(1e7, 0.0, force=vi.Force(omega=2.0, harmonics={1: 0.1}))).message
+    told = vi.find_orbit(bilinear(1e7, 0.0, force=vi.Force(omega=2.0, harmonics={1: 0.1}))).message
     assert "some may be missed" in told
 
 
@@ -435,10 +434,10 @@ def test_over_a_cycle_the_force_does_the_work_that_dampers_and_stops_take(system
 
 
 def test_an_ever_stiffer_stop_tends_to_the_rigid_one_as_the_root_of_its_stiffness():
-    rigid = of_one_stop(find(bilinear(stops=[vi.Stop(direction=1, gap=0.2, restitution=KELVIN_VOIGT)])))
+    rigid = of_one_stop(vi.find_orbit(bilinear(stops=[vi.Stop(direction=1, gap=0.2, restitution=KELVIN_VOIGT)])))
     apart, turned = [], []
     for stiffness in (1e3, 1e5, 1e7, 1e9):
-        orbit = of_one_stop(find(bilinear(stiffness, 0.4 * math.sqrt(stiffness))))
+        orbit = of_one_stop(vi.find_orbit(bilinear(stiffness, 0.4 * math.sqrt(stiffness))))
         apart.append(abs(orbit.velocities[0] - rigid.velocities[0]))
         turned.append(abs(sum(orbit.multipliers) - sum(rigid.multipliers)))
         assert np.prod(orbit.multipliers).real == pytest.approx(orbit.determinant, rel=1e-10)
@@ -450,11 +449,11 @@ def test_an_ever_stiffer_stop_tends_to_the_rigid_one_as_the_root_of_its_stiffnes
 def test_the_closed_form_of_a_rigid_stop_stays_beside_a_stop_that_gives():
     alone = vi.Stop(direction=1, gap=0.2, restitution=0.7, name="bar")
     far, near = (vi.Stop(direction=-1, gap=gap, stiffness=50.0, name="spring") for gap in (5.0, 0.5))
-    orbit = of_one_stop(find(bilinear(stops=[alone])))
-    beside = of_one_stop(find(bilinear(stops=[alone, far]), stops="bar"))
+    orbit = of_one_stop(vi.find_orbit(bilinear(stops=[alone])))
+    beside = of_one_stop(vi.find_orbit(bilinear(stops=[alone, far]), stops="bar"))
     assert beside.velocities == orbit.velocities
     assert beside.admissible
-    blocked = find(bilinear(stops=[alone, near]), stops="bar")
+    blocked = vi.find_orbit(bilinear(stops=[alone, near]), stops="bar")
     assert [found.admissible for found in blocked] == [False] * len(blocked)
     assert "would touch 'spring' before it is to" in blocked.message
 
@@ -464,7 +463,7 @@ def test_the_closed_form_of_a_rigid_stop_stays_beside_a_stop_that_gives():
 
 @pytest.fixture(scope="module")
 def symmetric():
-    (orbit,) = find(between, stops="above", symmetric=True)
+    (orbit,) = vi.find_orbit(between, stops="above", symmetric=True)
     return continue_orbit(orbit, "omega", (1.8, 3.2), step=0.05)
 
 
@@ -476,7 +475,7 @@ def test_between_two_equal_springs_twins_are_born_at_a_pitchfork(symmetric):
     assert twin.n_periods == 1
     assert twin.velocities[0] != pytest.approx(twin.velocities[1], rel=1e-6)
     assert twin.twin.stops == twin.stops[::-1]
-    back = find(twin.twin.system, stops=twin.twin.stops, near=twin.twin)
+    back = vi.find_orbit(twin.twin.system, stops=twin.twin.stops, near=twin.twin)
     assert back[0].velocities == pytest.approx(twin.twin.velocities, rel=1e-9)
 
 
@@ -507,7 +506,7 @@ def test_a_boundary_passes_through_the_special_points_of_a_branch_beside(branch,
     curve = continue_boundary(point, ("omega", "gap"), ((0.6, 0.8), (0.9, 1.1)), step=0.05)
     beside = min(curve.orbits, key=lambda orbit: abs(orbit.value("gap") - 0.95))
     model, omega = two_masses.replace(gap=beside.value("gap")), beside.value("omega")
-    start = find(model.replace(omega=omega - 0.002), near=beside)[0]
+    start = vi.find_orbit(model.replace(omega=omega - 0.002), stops=beside.stops, near=beside)[0]
     crossing = continue_orbit(start, "omega", (omega - 0.004, omega + 0.002))
     assert min(abs(value - omega) for value in specials(crossing, kind)) < 1e-10
 
@@ -524,7 +523,9 @@ def test_the_boundaries_of_a_plane_are_found_without_a_guess():
     steady = abs(1.0 / (1.0 - 2.45**2 + 0.05j * 2.45))
     assert rays["grazing"] == pytest.approx([steady] * len(rays["grazing"]), rel=1e-12)
     (doubling,) = (
-        point for point in continue_orbit(find(one)[0], "gap", (0.04, 0.06)).special if point.kind == "period_doubling"
+        point
+        for point in continue_orbit(vi.find_orbit(one)[0], "gap", (0.04, 0.06)).special
+        if point.kind == "period_doubling"
     )
     assert rays["period_doubling"] == pytest.approx([doubling.value] * len(rays["period_doubling"]), rel=1e-10)
 
@@ -536,33 +537,33 @@ def test_a_state_near_an_orbit_of_several_contacts_is_a_guess():
     orbit = of_one_stop(vi.find_orbit(chain_on_two_stops(), n_impacts=2))
     displacement, velocity, _ = orbit.motion([0.0])
     state = vi.State(displacement[0] * 1.001, velocity[0], 0.0)
-    (found,) = find(chain_on_two_stops(), stops=orbit.stops, near=state)
+    (found,) = vi.find_orbit(chain_on_two_stops(), stops=orbit.stops, near=state)
     assert found.velocities == pytest.approx(orbit.velocities, rel=1e-9)
     with pytest.raises(ValueError, match="a state from which these stops are struck"):
-        find(chain_on_two_stops(), stops=orbit.stops * 2, near=state)
+        vi.find_orbit(chain_on_two_stops(), stops=orbit.stops * 2, near=state)
 
 
 def test_times_of_contacts_are_a_guess_where_each_is_half_a_swing_on_its_spring():
     orbit = of_one_stop(vi.find_orbit(mixed, n_impacts=2))
     times = [turn * orbit.system.period + 0.01 for turn in orbit.turns]
-    (found,) = find(mixed, stops=orbit.stops, near=times)
+    (found,) = vi.find_orbit(mixed, stops=orbit.stops, near=times)
     assert found.velocities == pytest.approx(orbit.velocities, rel=1e-9)
 
 
 def test_equal_springs_on_both_sides_are_mirror_images_and_others_are_not():
-    assert find(between, stops="above", symmetric=True)
+    assert vi.find_orbit(between, stops="above", symmetric=True)
     above = vi.Stop(direction=1, gap=0.1, stiffness=30.0, name="above")
     other = bilinear(stops=[above, vi.Stop(direction=-1, gap=0.1, stiffness=31.0, name="below")])
-    assert "no stop is the mirror image" in find(other, stops="above", symmetric=True).message
+    assert "no stop is the mirror image" in vi.find_orbit(other, stops="above", symmetric=True).message
     twice = vi.Stop(direction=-2, gap=0.2, stiffness=7.5, name="below")
-    assert find(bilinear(stops=[above, twice]), stops="above", symmetric=True)
+    assert vi.find_orbit(bilinear(stops=[above, twice]), stops="above", symmetric=True)
 
 
 def test_a_verdict_tells_how_hard_how_long_and_how_deep_the_hardest_contact_is():
     told = str(vi.describe(bilinear(), parameters=[]))
-    (orbit,) = find(bilinear())
+    (orbit,) = vi.find_orbit(bilinear())
     (contact,) = orbit.contacts
-    assert f"largest force {contact.peak_force:.4g} N on above, which pushes for {contact.contact_time:.4g} s" in told
+    assert f"largest force {contact.peak_force:.4g} N, which pushes for {contact.contact_time:.4g} s" in told
     assert f"pressed in by {contact.penetration:.4g} m" in told
 
 

@@ -17,7 +17,6 @@ from vibroimpact.coexistence.losses import lasting_stops
 from vibroimpact.coexistence.measuring import Runner, spread_cells
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits import same_orbit
-from vibroimpact.orbits.systems import find
 from vibroimpact.report import sentences_of
 from vibroimpact.status import Status
 
@@ -196,7 +195,7 @@ def test_every_periodic_attractor_is_a_stable_admissible_orbit(seed):
         seen = vi.impact_section(system, start=attractor.start, transient_impacts=0, sample_impacts=p)
         assert tuple(seen["stop"].values) == attractor.stops
         times = seen["time"].values - math.floor(float(seen["time"][0]) / system.period) * system.period
-        orbits = find(system, n_periods=attractor.n_periods, stops=attractor.stops, near=times.tolist())
+        orbits = vi.find_orbit(system, n_periods=attractor.n_periods, stops=attractor.stops, near=times.tolist())
         orbit = next(one for one in orbits if same_orbit(one, attractor, tolerance=1e-9))
         assert orbit.stable
         assert orbit.admissible

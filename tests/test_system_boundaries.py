@@ -12,7 +12,6 @@ from vibroimpact.continuation.curves import curves_through
 from vibroimpact.continuation.results import kinds_of
 from vibroimpact.dataset import bundle
 from vibroimpact.orbits import find_orbit, orbit_distance
-from vibroimpact.orbits.systems import find
 from vibroimpact.report import sentences_of
 
 pytestmark = pytest.mark.usefixtures("modal_engine")
@@ -46,7 +45,7 @@ def test_boundaries_of_the_ball_are_the_closed_forms():
 
 def test_one_mass_as_a_system_has_the_boundaries_of_the_oscillator():
     osc = vi.ImpactOscillator(omega=2.6)
-    (point,) = points(continue_orbit(find(one_mass(osc))[0], "omega", (2.5, 2.7), step=0.1), "period_doubling")
+    (point,) = points(continue_orbit(vi.find_orbit(one_mass(osc))[0], "omega", (2.5, 2.7), step=0.1), "period_doubling")
     curve = continue_boundary(point, ("omega", "stop_1_restitution"), ((2.4, 2.9), (0.6, 0.95)), step=0.1)
     for orbit in curve.orbits:
         at = osc.replace(omega=orbit.value("omega"), restitution=orbit.value("stop_1_restitution"))
@@ -57,7 +56,7 @@ def test_one_mass_as_a_system_has_the_boundaries_of_the_oscillator():
 @pytest.mark.long(but=1)
 @pytest.mark.parametrize("kind", ["neimark_sacker", "grazing"])
 def test_a_boundary_of_three_masses_keeps_its_condition(kind):
-    branch = continue_orbit(find(three_masses())[0], "bar_gap", (0.1, 0.87), step=0.1)
+    branch = continue_orbit(vi.find_orbit(three_masses())[0], "bar_gap", (0.1, 0.87), step=0.1)
     curve = continue_boundary(
         points(branch, kind)[0], ("bar_gap", "bar_restitution"), ((0.1, 0.9), (0.5, 0.9)), step=0.1
     )
@@ -128,7 +127,7 @@ def test_a_branch_along_which_a_contact_is_born_is_named_by_the_impacts_that_it_
         ],
         force=vi.Force(omega=2.0, harmonics={1: 1.0}),
     )
-    branch = continue_orbit(find(pair, stops="above")[0], "below_gap", (1.0, 1.5))
+    branch = continue_orbit(vi.find_orbit(pair, stops="above")[0], "below_gap", (1.0, 1.5))
     assert {orbit.n_impacts for orbit in branch.orbits} == {1, 2}
     texts = [text.get_text() for text in vi.plotting.branch_diagram(branch).get_legend().get_texts()]
     assert texts[0] == "period-1 impact-1 to impact-2"

@@ -10,7 +10,6 @@ from systems import changed, one_mass
 from test_system_orbits import Plain, bouncing_ball, impact_damper, three_masses, two_sided
 from vibroimpact.continuation import continue_orbit, follow_all, switch_branch
 from vibroimpact.orbits import find_orbit, orbit_distance
-from vibroimpact.orbits.systems import find
 
 pytestmark = pytest.mark.usefixtures("modal_engine")
 
@@ -32,7 +31,7 @@ def specials(branch):
 
 
 def symmetric(system, **how):
-    return next(orbit for orbit in find(system, stops="above", symmetric=True, **how) if orbit.stable)
+    return next(orbit for orbit in vi.find_orbit(system, stops="above", symmetric=True, **how) if orbit.stable)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +69,7 @@ def test_the_ball_folds_and_doubles_over_the_amplitude_where_the_closed_form_say
 
 
 def test_the_ball_folds_and_doubles_over_the_frequency_where_known():
-    (orbit, *_) = find(bouncing_ball(1.2, omega=3.0))
+    (orbit, *_) = vi.find_orbit(bouncing_ball(1.2, omega=3.0))
     branch = continue_orbit(orbit, "omega", (2.7, 3.6), step=0.1)
     gammas = {point.kind: 1.2 * (point.value / 3.0) ** 2 for point in branch.special}
     assert gammas["fold"] == pytest.approx(1.047197551197, abs=1e-12)
@@ -141,7 +140,8 @@ def test_special_points_do_not_depend_on_coordinates(how):
         basis = np.diag([0.5, 3.0, -2.0])[[2, 0, 1]]
         other = changed(system, basis=basis)
     branches = [
-        continue_orbit(find(one)[0], f"{one.stop_names[0]}_gap", (0.4, 0.9), step=0.1) for one in (system, other)
+        continue_orbit(vi.find_orbit(one)[0], f"{one.stop_names[0]}_gap", (0.4, 0.9), step=0.1)
+        for one in (system, other)
     ]
     ours, theirs = map(specials, branches)
     assert [kind for kind, _ in ours] == [kind for kind, _ in theirs]
@@ -155,7 +155,7 @@ def test_special_points_do_not_depend_on_coordinates(how):
 @pytest.mark.parametrize(
     ("system", "orbit", "parameter", "span"),
     [
-        (three_masses(), find(three_masses())[0], "bar_gap", (0.5, 0.87)),
+        (three_masses(), vi.find_orbit(three_masses())[0], "bar_gap", (0.5, 0.87)),
         (impact_damper(), symmetric(impact_damper()), "omega", (1.0, 1.12)),
     ],
 )
@@ -166,7 +166,7 @@ def test_a_motion_settles_before_a_neimark_sacker_point_and_not_beyond(system, o
     for beyond in (False, True):
         there = system.replace(**{parameter: point.value * (1.001 if beyond else 0.999)})
         how = {"symmetric": True, "stops": "above"} if orbit.symmetric else {}
-        own = min(find(there, **how), key=lambda other: orbit_distance(other, point.orbit))
+        own = min(vi.find_orbit(there, **how), key=lambda other: orbit_distance(other, point.orbit))
         assert own.stable is not beyond
         beside = vi.State(
             *(0.999 * np.array(part) for part in (own.start.displacement, own.start.velocity)), own.start.time
@@ -190,7 +190,7 @@ def test_twins_are_born_at_a_pitchfork(two_sided_branch):
         assert abs(born.value("omega") - point.value) < 1e-4
         for orbit in (born, twin):
             assert Plain(orbit.system).replayed(orbit) < 1e-11
-        (same,) = find(born.system, near=twin)
+        (same,) = vi.find_orbit(born.system, stops=twin.stops, near=twin)
         assert orbit_distance(same, twin) < 1e-9
         assert orbit_distance(born, twin) > 1e-4 or born.stops != twin.stops
         assert twin.twin.turns == pytest.approx(born.turns, abs=1e-12)
@@ -252,7 +252,7 @@ def test_a_broken_symmetry_is_followed_with_the_whole_cycle():
 
 def test_an_orbit_without_a_mirror_has_no_twin():
     with pytest.raises(ValueError, match="no twin"):
-        _ = find(three_masses())[0].twin
+        _ = vi.find_orbit(three_masses())[0].twin
 
 
 def test_a_frequency_in_hertz_and_steps_of_any_length_give_the_same_points(two_sided_branch):

@@ -7,7 +7,6 @@ import pytest
 
 import vibroimpact as vi
 from systems import beside_its_centre, free_masses
-from vibroimpact.orbits.systems import find
 
 
 def two_sided(**changes):
@@ -64,7 +63,9 @@ def test_of_one_contact_the_orbit_near_a_guess_is_reached():
     system = vi.ImpactSystem(mass=1.0, damping=0.02, stiffness=1.0, force=force, stops=stops)
     both = vi.find_orbit(system)
     for orbit in both:
-        assert [near.velocities for near in find(system, near=orbit)] == [pytest.approx(orbit.velocities, rel=1e-9)]
+        assert [near.velocities for near in vi.find_orbit(system, stops=orbit.stops, near=orbit)] == [
+            pytest.approx(orbit.velocities, rel=1e-9)
+        ]
         assert len(vi.find_orbit(system, near=orbit)) == len(both)
 
 
@@ -87,7 +88,7 @@ def test_unforced_and_free_systems_say_why_nothing_repeats():
                 force=vi.Force(omega=2.0, harmonics={1: [1.0, 0.0]}, constant=constant),
                 stops=[vi.Stop(direction=[1, 0], gap=0.0, **stop), far],
             )
-            assert words in find(driven, stops="stop_1").message
+            assert words in vi.find_orbit(driven, stops="stop_1").message
 
 
 def a_degenerate_system(rng):
@@ -138,11 +139,54 @@ def test_an_orbit_that_is_reached_after_a_long_transient_is_found():
     [
         ({"n_impacts": 2, "near": (0.1, 2.0)}, "an orbit or an attractor of a system"),
         ({"n_impacts": 0}, "n_impacts"),
+        ({"n_impacts": 2, "stops": ["above", "below"]}, "left out where `stops` or `symmetric` is given"),
+        ({"stops": ["above", "left"]}, "unknown `stops` 'left'; choose from above, below"),
+        ({"stops": ["above", "below"]}, "orbits of several impacts need a guess"),
+        ({"symmetric": True, "n_periods": 2}, "odd for symmetric motions"),
     ],
 )
 def test_what_cannot_be_searched_for_is_refused(how, words):
     with pytest.raises(ValueError, match=words):
         vi.find_orbit(two_sided(), **how)
+
+
+def test_the_stops_of_one_mass_are_those_of_a_system_of_one_stop():
+    one = vi.ImpactOscillator(omega=0.9)
+    assert vi.find_orbit(one, stops=["stop", "stop"]) == vi.find_orbit(one, n_impacts=2)
+    assert vi.find_orbit(one, symmetric=True).outcome == vi.find_orbit(one.system, symmetric=True).outcome == "none"
+
+
+def test_orbits_of_one_mass_and_of_its_system_answer_the_same_questions():
+    one = vi.ImpactOscillator(omega=0.9)
+    (orbit,), (other,) = vi.find_orbit(one, n_impacts=2), vi.find_orbit(one.system, n_impacts=2)
+    assert isinstance(other, vi.Orbit)
+    assert (orbit.name, orbit.stops, orbit.stable, orbit.symmetric) == (
+        other.name,
+        other.stops,
+        other.stable,
+        other.symmetric,
+    )
+    assert orbit.spectral_radius == pytest.approx(other.spectral_radius, rel=1e-12)
+    times = np.linspace(0.0, 2.0 * orbit.period, 50)
+    for ours, theirs in zip(orbit.motion(times), other.motion(times), strict=True):
+        assert ours == pytest.approx(theirs, abs=1e-10)
+    (orbit,), (other,) = (vi.find_orbit(model.replace(omega=0.1), n_impacts=-1) for model in (one, one.system))
+    rest = [(each.stick_phase, each.release_phase, each.stuck_time) for each in (orbit, other)]
+    assert rest[0] == pytest.approx(rest[1], rel=1e-6)
+    with pytest.raises(ValueError, match="rests at a stop; follow it with simulate"):
+        orbit.motion([0.0])
+
+
+def test_one_mass_and_its_system_take_the_orbits_and_attractors_of_the_other_as_guesses():
+    one = vi.ImpactOscillator(omega=0.9)
+    for p in (2, -1):
+        model = one if p > 0 else one.replace(omega=0.1)
+        guesses = [*vi.find_orbit(model, n_impacts=p), *vi.find_orbit(model.system, n_impacts=p)]
+        assert len(guesses) == 2
+        for near in (*guesses, vi.attractors(model)[0] if p > 0 else guesses[0]):
+            for machine in (model, model.system):
+                (found,) = vi.find_orbit(machine, n_impacts=p, near=near)
+                assert sorted(found.velocities)[-1] == pytest.approx(sorted(near.velocities)[-1], rel=1e-9)
 
 
 def test_a_family_of_systems_has_the_orbits_of_its_values():

@@ -71,7 +71,6 @@ def _type(options: Options) -> dict[str, Any]:
 def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits[Any]:
     """Return the orbits that strike the given stops in turn, or have the given type, or that of the options."""
     import vibroimpact
-    from vibroimpact.orbits.systems import find
 
     names, symmetric, near = (options.get(name) for name in ("stops", "symmetric", "near"))
     kind = orbit_type or _type(options)
@@ -88,8 +87,8 @@ def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits[Any]:
         if options["n_impacts"] is not None:
             raise WrongRequest("give either `--impacts` or the stops that are struck, not both")
         times: Any = near and numbers("--near", near, "times in s such as 0.1,0.3")
-        stops = options.value("stops")
-        return find(study.model, n_periods=kind["n_periods"], stops=stops, symmetric=bool(symmetric), near=times)
+        only = {"stops": options.value("stops"), "symmetric": bool(symmetric)}
+        return vibroimpact.find_orbit(study.model, n_periods=kind["n_periods"], **only, near=times)
 
 
 def orbits_dataset(found: Orbits[Any], model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
@@ -163,9 +162,8 @@ SUMMED = "name", "stable", "trace", "determinant"
 
 
 def _plain(orbit: Orbit) -> dict[str, Any]:
-    content = {
-        part.name: getattr(orbit, part.name) for part in fields(orbit) if part.name not in ("oscillator", "family")
-    }
+    kept = (part.name for part in fields(orbit) if part.name not in ("oscillator", "family"))
+    content = {name: getattr(orbit, name) for name in kept}
     for key in {"multipliers", "half_multipliers", "neutral"} & set(content):
         content[key] = [[z.real, z.imag] for z in content[key]]
     if "start" in content:

@@ -19,7 +19,6 @@ from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State
 from vibroimpact.motion import Motion, MotionClass, decide
 from vibroimpact.options import Tolerances
-from vibroimpact.orbits import find_orbit
 from vibroimpact.orbits.search import stable_orbits
 from vibroimpact.orbits.sticking import CREST
 from vibroimpact.oscillator import ImpactOscillator
@@ -83,11 +82,7 @@ def spread_cells(cell: Cells, number: int = SPREAD) -> Cells:
 
 def orbit_cells(osc: ImpactOscillator | ImpactSystem) -> list[Cells]:
     """Return an impact of each stable, admissible orbit of one impact in up to 16 periods: all are known exactly."""
-    every = range(1, KNOWN_PERIODS + 1)
-    if isinstance(osc, ImpactSystem):
-        orbits = (orbit for n in every for orbit in find_orbit(osc, n_periods=n))
-        return [orbit_cell(osc, orbit) for orbit in orbits if orbit.stable and orbit.admissible]
-    return [orbit_cell(osc, orbit) for n in every for orbit in stable_orbits(osc, n)]
+    return [orbit_cell(osc, orbit) for n in range(1, KNOWN_PERIODS + 1) for orbit in stable_orbits(osc, n)]
 
 
 def orbit_cell(osc: ImpactOscillator | ImpactSystem, orbit: Any) -> Cells:

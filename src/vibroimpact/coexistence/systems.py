@@ -228,10 +228,9 @@ def _smallest(seen: SystemSamples, cycle: slice, n: int) -> tuple[int, slice]:
 def solved(model: Model, n: int, stops: Counts, turns: Floats, speeds: Floats, end: State) -> SystemOrbit | None:
     """Return the stable orbit that Newton's method reaches from a cycle's impacts or a state, if it is that cycle."""
     system = model.at()
-    names = [system.stop_names[stop] for stop in stops]
     times = ((turns - math.floor(turns[0])) * system.period).tolist()
     impacts = Impacts(turns % 1.0, speeds)
-    for orbit in find_near(model, n, names, times, end):
+    for orbit in find_near(model, n, stops.tolist(), times, end):
         if orbit.stable and orbit.admissible and same_orbit(orbit, impacts, tolerance=NEAR):
             return orbit
     return None

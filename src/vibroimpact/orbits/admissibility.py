@@ -10,10 +10,9 @@ from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
 from vibroimpact.cells import cells_at
 from vibroimpact.kernels.cell import MOST
 from vibroimpact.kernels.flight import REACH
-from vibroimpact.orbits.equations import TURN, Cycle, Flight, Floats, fastest_of, flight_of, parameters_of
+from vibroimpact.orbits.equations import SAME, TURN, Cycle, Flight, Floats, fastest_of, flight_of, parameters_of
 from vibroimpact.oscillator import ImpactOscillator
 
-SAME = 1e-7  # of a period and of the orbit's speed: contacts nearer than this are one
 ROUNDING = 1e-12  # of the orbit's size: the sign of a gap this small is undecided
 LOWEST = 3  # sampled near-misses that are looked at closely
 
@@ -101,9 +100,9 @@ def objection(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
         return (
             f"the flight after impact {i + 1} takes some {turns[i] * a_turn:.1g} certified steps: it was not followed"
         )
-    for i, seen in enumerate(contacts(osc, z[:p], speeds, 1)):
+    for i, samples in enumerate(contacts(osc, z[:p], speeds, 1)):
         begin, end = cycle.span(z, i)
-        wrong = _first_difference(seen, end - begin, float(speeds[(i + 1) % p]), fastest)
+        wrong = _first_difference(samples, end - begin, float(speeds[(i + 1) % p]), fastest)
         if wrong:
             graze = closest(osc, cycle, z)
             grazes = graze is not None and abs(graze.gap) <= ROUNDING * orbit_size(osc, z)
@@ -119,16 +118,18 @@ def _beyond(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
     return ""
 
 
-def _first_difference(seen: Samples, turns: float, velocity: float, largest: float) -> str:
+def _first_difference(samples: Samples, turns: float, velocity: float, largest: float) -> str:
     """Return the sentence on what the engine meets before an impact expected some turns later; empty if nothing."""
-    if len(seen.stick_phase):
-        return f"the mass comes to rest at the stop at phase {seen.stick_phase[0]:.6g}"
-    if len(seen.impact_phase) < 2:
+    if len(samples.stick_phase):
+        return f"the mass comes to rest at the stop at phase {samples.stick_phase[0]:.6g}"
+    if len(samples.impact_phase) < 2:
         return "the mass never reaches the stop again"
-    later = (seen.impact_periods[1] - seen.impact_periods[0]) + (seen.impact_phase[1] - seen.impact_phase[0])
-    if abs(later - turns) <= SAME * max(turns, 1.0) and abs(seen.impact_velocity[1] - velocity) <= SAME * largest:
+    later = (samples.impact_periods[1] - samples.impact_periods[0]) + (
+        samples.impact_phase[1] - samples.impact_phase[0]
+    )
+    if abs(later - turns) <= SAME * max(turns, 1.0) and abs(samples.impact_velocity[1] - velocity) <= SAME * largest:
         return ""
     return (
-        f"the mass first hits the stop at phase {seen.impact_phase[1]:.6g} "
-        f"with {seen.impact_velocity[1]:.3g} m/s, not where the orbit's next impact would be"
+        f"the mass first hits the stop at phase {samples.impact_phase[1]:.6g} "
+        f"with {samples.impact_velocity[1]:.3g} m/s, not where the orbit's next impact would be"
     )

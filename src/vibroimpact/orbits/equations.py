@@ -55,6 +55,9 @@ TURN = 2.0 * math.pi
 NEAR = 0.5  # of rate times duration: nodes nearer than this are not subtracted from one another
 STRIDE = 0.15  # radians of the fastest rate between two samples of a flight
 MOST_SAMPLES = 1 << 15
+# Two orbits are one, and a cycle repeats, if nowhere they differ by more than this: of the fastest impact, of a driving
+# period, and in sine and cosine of the driving angle. Newton's method leaves 1e-14 times the condition number.
+SAME = 1e-7
 VANISHED = 1e-12  # relative: a response this small is rounding
 BOUNDLESS = 1e12  # of V: a velocity this large stands for infinity
 
@@ -144,14 +147,14 @@ class Flight:
         )
 
     def slopes(self, angle: float, rate: float, tau: float) -> tuple[tuple[float, float], ...]:
-        """Return the derivatives of gap and rate at tau by angle, by the leaving rate, and by tau."""
+        """Return gap and rate at tau, and their derivatives by angle, by the leaving rate, and by tau."""
         q, dq, steady, driven, hurried = self.responses(tau)
         turn = self.drive * cmath.exp(1j * angle)
         moved, hurried = turn * driven, turn * hurried
         gap = q * rate + self.preload * steady - moved.imag
         speed = dq * rate + self.preload * q - hurried.imag
         bend = self.bend(angle + self.omega * tau, gap, speed)
-        return (-moved.real, -hurried.real), (q, dq), (speed, bend)
+        return (gap, speed), (-moved.real, -hurried.real), (q, dq), (speed, bend)
 
     def bend(self, angle: float, gap: float, rate: float) -> float:
         """Return the second derivative of the gap."""
@@ -236,18 +239,23 @@ class Cycle:
         return np.array([gap for gap, _ in ends] + late)
 
     def jacobian(self, parameters: Parameters, z: Floats) -> Floats:
-        """Return the derivative of the misses by z: a flight depends on its two ends and its first velocity alone."""
-        p, flight, matrix = self.n_impacts, flight_of(parameters), np.zeros((2 * self.n_impacts, 2 * self.n_impacts))
-        period = TURN / parameters[4]
+        """Return the derivative of the misses by z."""
+        return self.linearised(parameters, z)[1]
+
+    def linearised(self, parameters: Parameters, z: Floats) -> tuple[Floats, Floats]:
+        """Return the misses and their derivative: a flight depends on its two ends and its first velocity alone."""
+        p, flight, period = self.n_impacts, flight_of(parameters), TURN / parameters[4]
+        misses, matrix = np.zeros(2 * p), np.zeros((2 * p, 2 * p))
         for i in range(p):
-            by_angle, by_rate, by_time = flight.slopes(*self.takeoff(parameters, z, i))
+            (gap, speed), by_angle, by_rate, by_time = flight.slopes(*self.takeoff(parameters, z, i))
             after = (i + 1) % p
+            misses[i], misses[p + i] = gap, -speed - float(z[p + after])
             for row, sign, j in ((i, 1.0, 0), (p + i, -1.0, 1)):
                 matrix[row, i] += sign * (TURN * by_angle[j] - period * by_time[j])
                 matrix[row, after] += sign * period * by_time[j]
                 matrix[row, p + i] += sign * parameters[5] * by_rate[j]
             matrix[p + i, p + after] -= 1.0
-        return matrix
+        return misses, matrix
 
     def determinant(self, parameters: Parameters) -> float:
         """Return the determinant of the cycle's Jacobian, r^(2p) exp(-c n T/m)."""
@@ -261,8 +269,8 @@ class Cycle:
         for i in range(p):
             begin, end = self.span(z, i)
             q, dq = flight.kick((end - begin) * TURN / parameters[4])
-            held, back = dq + flight.damp * q, -flight.stiff * q
-            a, b, c, d = held * a + q * c, held * b + q * d, back * a + dq * c, back * b + dq * d
+            stay, back = dq + flight.damp * q, -flight.stiff * q
+            a, b, c, d = stay * a + q * c, stay * b + q * d, back * a + dq * c, back * b + dq * d
             v = float(z[p + (i + 1) % p])
             # `neighbours.separations` has the same saltation; its forces round as (f sin - k g)/m, not as here.
             # y'' = -u'' just before (y' = v) and just after (y' = -r v).

@@ -14,10 +14,8 @@ from numpy.typing import ArrayLike
 from vibroimpact.model import Model, State, check_names
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING, objection
-from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
+from vibroimpact.orbits.equations import SAME, TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
 from vibroimpact.parameters import invalid
-
-SAME = 1e-7  # of the fastest impact, and in sine and cosine of the driving angle: nearer than this, two orbits are one
 
 
 @dataclass(frozen=True)
@@ -118,8 +116,8 @@ class Orbit:
 
     @property
     def stable(self) -> bool:
-        """Whether perturbations decay: all multipliers lie inside the unit circle."""
-        return self.spectral_radius < 1.0
+        """Whether perturbations decay: all multipliers lie inside the unit circle, by more than rounding."""
+        return self.spectral_radius < 1.0 - ROUNDING
 
     @property
     def period(self) -> float:
@@ -151,7 +149,7 @@ class Orbit:
         >>> orbit = find_orbit(ImpactOscillator(omega=2.0))[0]
         >>> displacement, _, _ = orbit.motion([0.0, orbit.period])
         >>> [round(float(y), 6) for y in displacement[:, 0]]
-        [-4.087842, -4.087842]
+        [-5.605775, -5.605775]
         """
         self.check_flies()
         cycle, z = solution_of(self)
@@ -244,7 +242,7 @@ def from_hardest(cycle: Cycle, z: Floats) -> Floats:
 def true_cycle(cycle: Cycle, z: Floats) -> Cycle:
     """Return the smallest n and p with which the cycle repeats."""
     n, p = cycle.n_periods, cycle.n_impacts
-    impacts, flights = _points(impacts_of(cycle, z), z[p:].max()), np.diff(np.append(z[:p], z[0] + n))
+    impacts, flights = _points(Impacts.of(z), z[p:].max()), np.diff(np.append(z[:p], z[0] + n))
     for parts in range(math.gcd(n, p), 1, -1):
         if math.gcd(n, p) % parts == 0:
             moved = [np.abs(table - np.roll(table, p // parts, axis=0)).max() for table in (impacts, flights)]
@@ -259,10 +257,10 @@ class Impacts(NamedTuple):
     phases: Sequence[float] | Floats
     velocities: Sequence[float] | Floats
 
-
-def impacts_of(cycle: Cycle, z: Floats) -> Impacts:
-    """Return the impacts of a solution z = (turns, velocities)."""
-    return Impacts(z[: cycle.n_impacts], z[cycle.n_impacts :])
+    @staticmethod
+    def of(z: Floats) -> Impacts:
+        """Return the impacts of a solution z = (turns, velocities)."""
+        return Impacts(*np.split(z, 2))
 
 
 class HasImpacts(Protocol):

@@ -84,16 +84,16 @@ def from_release(osc: ImpactOscillator, longest: int) -> Stick | None:
     parts: list[Floats] = []
     released = False
     while True:
-        seen = Recorder(memory, np.empty((_ROOM, 3)), np.empty((1, 2)), np.empty((1, 4)), np.zeros(3, np.int64))
-        while memory[END] == RUNNING and seen.filled[0] < _ROOM and not seen.filled[2]:
-            record(seen, trace, _WALKS)
-        n_impacts, _, n_sticks = seen.filled
-        parts.append(seen.impacts[:n_impacts])
-        if n_sticks and released and math.isfinite(seen.sticks[0, 2]):
-            before, stick_phase, periods, phase = seen.sticks[0].tolist()
+        recorder = Recorder(memory, np.empty((_ROOM, 3)), np.empty((1, 2)), np.empty((1, 4)), np.zeros(3, np.int64))
+        while memory[END] == RUNNING and recorder.filled[0] < _ROOM and not recorder.filled[2]:
+            record(recorder, trace, _WALKS)
+        n_impacts, _, n_sticks = recorder.filled
+        parts.append(recorder.impacts[:n_impacts])
+        if n_sticks and released and math.isfinite(recorder.sticks[0, 2]):
+            before, stick_phase, periods, phase = recorder.sticks[0].tolist()
             fraction = (periods - before) + (phase - stick_phase)
             return Stick(int(periods), np.concatenate(parts), stick_phase, phase, fraction)
-        released = released or (n_sticks == 1 and seen.sticks[0, 2] == 0.0 and n_impacts == 0)
+        released = released or (n_sticks == 1 and recorder.sticks[0, 2] == 0.0 and n_impacts == 0)
         if memory[END] != RUNNING or not released:
             return None
 

@@ -1,16 +1,16 @@
 """Periodic orbits of systems of several coordinates and stops, stable or not."""
 
-from vibroimpact.orbits.systems.named import ended, find_near, settled
-from vibroimpact.orbits.systems.orbit import AnyOrbit, SystemOrbit, at_first_contact, make_orbit
-from vibroimpact.orbits.systems.search import cycles_of_one_impact, find, of_one_impact
+from vibroimpact.orbits.systems.contacts import Contact
+from vibroimpact.orbits.systems.orbit import Rest, SystemOrbit, at_first_contact, make_orbit
+from vibroimpact.orbits.systems.search import cycles_of_one_impact, ended, find_near, of_one_impact, settled
 
 __all__ = [
-    "AnyOrbit",
+    "Contact",
+    "Rest",
     "SystemOrbit",
     "at_first_contact",
     "cycles_of_one_impact",
     "ended",
-    "find",
     "find_near",
     "make_orbit",
     "of_one_impact",

@@ -12,7 +12,7 @@ from vibroimpact.backends.base import Counts
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import STRIDE, TURN
-from vibroimpact.orbits.systems.cycle import Cycle
+from vibroimpact.orbits.systems.cycle import Cycle, Leg
 from vibroimpact.orbits.systems.events import PUSH_AGAIN, Pushing
 from vibroimpact.orbits.systems.flow import Flow
 
@@ -40,13 +40,13 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
         if event.kind == PUSH_AGAIN and flow.clearance(event.stop, states[i], flow.drive(angles[i]))[0] > 0.0:
             return f"after impact {number} {name!r} would push again before it is touched"
     for i, event in enumerate(cycle.events):
-        pushing, number = cycle.phases[i + 1], sum(at <= i for at in cycle.impacts)
-        duration, begin, fastest = float(angles[i + 1] - angles[i]), flow.drive(angles[i]), flow.phase(pushing).fastest
-        if duration * fastest > STRIDE * MOST_SAMPLES:
-            turns = duration * fastest / TURN
+        leg, number = cycle.leg(unknown, i), sum(at <= i for at in cycle.impacts)
+        turned = leg.duration * flow.phase(leg.pushing).fastest
+        if turned > STRIDE * MOST_SAMPLES:
+            turns = turned / TURN
             return f"the flight after impact {number} takes {turns:.2g} periods of the fastest mode: it was not checked"
-        after = flow.struck(event.stop, states[i], begin)
-        if flow.restitution[event.stop] == 0.0 and flow.clearance(event.stop, after, begin, pushing)[2] < 0.0:
+        after, drive = np.split(leg.start, [2 * flow.n])
+        if flow.restitution[event.stop] == 0.0 and flow.clearance(event.stop, after, drive, leg.pushing)[2] < 0.0:
             return f"after impact {number} it comes to rest at {names[event.stop]!r}"
         met = _first_beyond(*flown(cycle, unknown, i), event.stop, cycle.event_after(i).stop)
         if met is not None:
@@ -54,7 +54,7 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
             if depth == 0.0:
                 return f"the impact after impact {number} would strike {names[other]!r} at the same time"
             phase = (angles[i] + angle) / TURN % 1.0
-            if other in pushing:
+            if other in leg.pushing:
                 return f"after impact {number} {names[other]!r} would let go earlier, at phase {phase:.6g}"
             how = "touch {} before it is to, {:.3g} m deep" if flow.compliant[other] else "penetrate {}, by {:.3g} m"
             return f"after impact {number} it would {how.format(repr(names[other]), depth)} at phase {phase:.6g}"
@@ -63,14 +63,11 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
 
 def flown(cycle: Cycle, unknown: Floats, i: int) -> tuple[Leg, list[Course]]:
     """Return leg i of an orbit, and the courses of the stops in it."""
-    known = cycle.known(unknown)
-    if i not in known:
-        flow, angles, event = cycle.flow, cycle.angles(unknown), cycle.events[i]
-        begin = flow.drive(angles[i])
-        start = np.append(flow.struck(event.stop, cycle.states(unknown)[i], begin), begin)
-        leg = Leg(flow, start, float(angles[i + 1] - angles[i]), cycle.phases[i + 1])
-        known[i] = leg, list(courses(leg, event.stop))
-    found: tuple[Leg, list[Course]] = known[i]
+    latest = cycle.latest(unknown)
+    if i not in latest:
+        leg = cycle.leg(unknown, i)
+        latest[i] = leg, list(courses(leg, cycle.events[i].stop))
+    found: tuple[Leg, list[Course]] = latest[i]
     return found
 
 
@@ -112,15 +109,6 @@ def nearest_of(cycle: Cycle, unknown: Floats) -> tuple[int, float, float, int, f
     return *nearest, beside
 
 
-class Leg(NamedTuple):
-    """A part of a motion between two events: its state and drive just after the first, and the stops that push."""
-
-    flow: Flow
-    start: Floats
-    duration: float
-    pushing: Pushing = ()
-
-
 class Course(NamedTuple):
     """What must stay above zero for a stop during a leg: samples, minima between them, and the clearance's size.
 
@@ -141,28 +129,28 @@ def courses(leg: Leg, struck: int = -1) -> Iterator[Course]:
 
     A stop that has let go and is still pressed in, u < 0, stays away from what moves as long as its force would pull.
     """
-    flow, n, seen = leg.flow, 2 * leg.flow.n, sampled(leg)
+    flow, n, samples = leg.flow, 2 * leg.flow.n, sampled(leg)
     for stop, row in enumerate(clearances(flow, leg.pushing)):
         lag, bound = flow.lag(stop), row[0].copy()
         bound[:n] = 0.0
         pull = pulls(row, lag)
-        gaps, rates, bounds = seen.along(np.stack([row[0], row[1], bound]))
+        gaps, rates, bounds = samples.along(np.stack([row[0], row[1], bound]))
         size = float(max(np.abs(gaps - bounds).max(), np.abs(bounds).max()))
         if stop == struck and flow.restitution[stop] == 0.0:
             rates[0] = 0.0
         closing = bool(rates[-1] < 0.0)
         if stop in leg.pushing:
-            forces, slopes = seen.along(-pull[:2])
-            yield Course(stop, seen.angles, forces, *turning_points(-pull, seen, slopes), size, closing)
+            forces, slopes = samples.along(-pull[:2])
+            yield Course(stop, samples.angles, forces, *turning_points(-pull, samples, slopes), size, closing)
             continue
-        places, lowest = turning_points(row, seen, rates)
+        places, lowest = turning_points(row, samples, rates)
         if lag:
-            pulled, slopes = seen.along(pull[:2])
-            others, least = turning_points(pull, seen, slopes)
-            pressed = np.interp(others, seen.angles, gaps) < 0.0
+            pulled, slopes = samples.along(pull[:2])
+            others, least = turning_points(pull, samples, slopes)
+            pressed = np.interp(others, samples.angles, gaps) < 0.0
             places, lowest = np.append(places, others[pressed]), np.append(lowest, least[pressed])
             gaps = np.maximum(gaps, pulled)
-        yield Course(stop, seen.angles, gaps, places, lowest, size, closing)
+        yield Course(stop, samples.angles, gaps, places, lowest, size, closing)
 
 
 class Samples(NamedTuple):
@@ -188,11 +176,11 @@ class Samples(NamedTuple):
         return found
 
 
-def turning_points(series: Floats, seen: Samples, slopes: Floats) -> tuple[Floats, Floats]:
+def turning_points(series: Floats, samples: Samples, slopes: Floats) -> tuple[Floats, Floats]:
     """Return the minima between samples of the power series of state and drive, and their values."""
     turning = np.flatnonzero((slopes[:-1] < 0.0) & (slopes[1:] >= 0.0))
-    offsets, lowest = _minima(seen.at(series, turning), float(seen.angles[1]))
-    return seen.angles[turning] + offsets, lowest
+    offsets, lowest = _minima(samples.at(series, turning), float(samples.angles[1]))
+    return samples.angles[turning] + offsets, lowest
 
 
 def sampled(leg: Leg) -> Samples:

@@ -37,11 +37,16 @@ POLISHES = 60
 RATIOS = 65  # of a law, at which solutions are compared; more cost 1 ms each
 
 
-def one_impact(cycle: Cycle) -> tuple[list[Floats], str]:
-    """Return the unknowns of all orbits with the one impact of a cycle, by their phases, and why there are none."""
+def one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
+    """Return all orbits with the one impact of a cycle, as its unknowns, by their phases, and why there are none."""
     flow, ((stop, _),) = cycle.flow, cycle.events
-    if flow.laws[stop] is None:
-        return _at_ratio(cycle, float(flow.restitution[stop]))
+    constant = flow.laws[stop] is None
+    unknowns, why = _at_ratio(cycle, float(flow.restitution[stop])) if constant else _at_all_ratios(cycle)
+    return [(cycle, unknown) for unknown in unknowns], why
+
+
+def _at_all_ratios(cycle: Cycle) -> tuple[list[Floats], str]:
+    """Return the unknowns under a law of restitution."""
     ratios = np.linspace(0.0, 1.0, RATIOS)
     several, found = [_at_ratio(cycle, float(r))[0] for r in ratios], []
     for (low, before), (high, after) in pairwise(zip(ratios.tolist(), several, strict=True)):

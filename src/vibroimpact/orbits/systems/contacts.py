@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.orbits.systems.admissibility import Leg, clearances, pulls, sampled, turning_points
-from vibroimpact.orbits.systems.cycle import Cycle
+from vibroimpact.orbits.systems.admissibility import clearances, pulls, sampled, turning_points
+from vibroimpact.orbits.systems.cycle import Cycle, Leg
 from vibroimpact.orbits.systems.events import IMPACT
 
 NODES = 8  # of Gauss-Legendre quadrature over one stride of the samples: exact to rounding
@@ -49,17 +49,17 @@ def _pressed(cycle: Cycle, unknown: Floats, at: int) -> Contact:
         if stop not in leg.pushing:
             continue
         time, row = time + leg.duration, clearances(flow, leg.pushing)[stop]
-        pull, seen = pulls(row, flow.lag(stop)), sampled(leg)
+        pull, samples = pulls(row, flow.lag(stop)), sampled(leg)
         nodes, weights = np.polynomial.legendre.leggauss(NODES)
-        nodes, weights = 0.5 * seen.angles[1] * (nodes + 1.0), 0.5 * seen.angles[1] * weights
-        slopes, (pulling, gaps) = row[1:] * np.arange(1.0, len(row))[:, None], (seen.along(pull), seen.along(row))
+        nodes, weights = 0.5 * samples.angles[1] * (nodes + 1.0), 0.5 * samples.angles[1] * weights
+        slopes, (pulling, gaps) = row[1:] * np.arange(1.0, len(row))[:, None], (samples.along(pull), samples.along(row))
         pulled = np.polynomial.polynomial.polyval(nodes, pulling[:, :-1])
         impulse -= float((pulled @ weights).sum())
         if flow.lag(stop):
-            rates = np.polynomial.polynomial.polyval(nodes, seen.along(slopes)[:, :-1])
+            rates = np.polynomial.polynomial.polyval(nodes, samples.along(slopes)[:, :-1])
             lost += float(((pulled * rates) @ weights).sum())
-        force = -min(-force, pulling[0].min(), turning_points(pull, seen, pulling[1])[1].min(initial=math.inf))
-        depth = -min(-depth, gaps[0].min(), turning_points(row, seen, gaps[1])[1].min(initial=math.inf))
+        force = -min(-force, pulling[0].min(), turning_points(pull, samples, pulling[1])[1].min(initial=math.inf))
+        depth = -min(-depth, gaps[0].min(), turning_points(row, samples, gaps[1])[1].min(initial=math.inf))
     length, omega = float(flow.lengths[begun]), flow.omega
     unit = float(flow.stiffness[begun]) * (1.0 + flow.lag(begun)) * omega  # of impulses over the length
     impulse, force = unit * impulse / length, unit * omega * force / length
@@ -68,14 +68,10 @@ def _pressed(cycle: Cycle, unknown: Floats, at: int) -> Contact:
 
 def _legs(cycle: Cycle, unknown: Floats, at: int) -> Iterator[tuple[int, Leg]]:
     """Yield the legs from an impact to the next one on the same stop, and the stop, which is mirrored in the mirror."""
-    flow, p = cycle.flow, len(cycle.events)
-    states, angles, stop = cycle.states(unknown), cycle.angles(unknown), cycle.events[at].stop
+    p, stop = len(cycle.events), cycle.events[at].stop
     for i in range(at, at + p):
         if i == p and cycle.images:
             stop = cycle.images[stop]
-        event = cycle.events[i % p]
-        if i > at and event == (stop, IMPACT):
+        if i > at and cycle.events[i % p] == (stop, IMPACT):
             return
-        begin = flow.drive(angles[i % p])
-        start = np.append(flow.struck(event.stop, states[i % p], begin), begin)
-        yield stop, Leg(flow, start, float(angles[i % p + 1] - angles[i % p]), cycle.phases[i % p + 1])
+        yield stop, cycle.leg(unknown, i % p)

@@ -27,16 +27,28 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import ROUNDING
+from vibroimpact.orbits import newton
 from vibroimpact.orbits.equations import TURN
+from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event, Pushing
 from vibroimpact.orbits.systems.flow import Flow
+
+
+class Leg(NamedTuple):
+    """A part of a motion between two events: its state and drive just after the first, and the stops that push."""
+
+    flow: Flow
+    start: Floats
+    duration: float
+    pushing: Pushing = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,23 +124,23 @@ class Cycle:
         return found, np.append(angles, self.states(unknown)[first])
 
     @cached_property
-    def _known(self) -> dict[Any, Any]:
+    def _latest(self) -> dict[Any, Any]:
         return {}
 
-    def known(self, unknown: Floats) -> dict[Any, Any]:
-        """Return the results kept of the solution that was looked at last, if it is this one, and is added to."""
+    def latest(self, unknown: Floats) -> dict[Any, Any]:
+        """Return what is computed already of an unknown, to be read and added to: only of the latest one."""
         content = unknown.tobytes()
-        if self._known.get("solution") != content:
-            self._known.clear()
-            self._known["solution"] = content
-        return self._known
+        if self._latest.get("unknown") != content:
+            self._latest.clear()
+            self._latest["unknown"] = content
+        return self._latest
 
     def states(self, unknown: Floats) -> list[Floats]:
         """Return the states just before the events, and before the first one of the next cycle."""
-        known = self.known(unknown)
-        if "states" not in known:
-            known["states"] = self._flown(unknown.copy())
-        found: list[Floats] = known["states"]
+        latest = self.latest(unknown)
+        if "states" not in latest:
+            latest["states"] = self._flown(unknown.copy())
+        found: list[Floats] = latest["states"]
         return found
 
     def _flown(self, unknown: Floats) -> list[Floats]:
@@ -139,6 +151,12 @@ class Cycle:
             grown, driven = self.flow.over(angles[i + 1] - angles[i], self.phases[i + 1])
             found.append(after + grown @ after + driven @ drives[i])
         return found
+
+    def leg(self, unknown: Floats, i: int) -> Leg:
+        """Return the leg from event i on."""
+        angles, drive = self.angles(unknown), self.flow.drive(unknown[i])
+        after = self.flow.struck(self.events[i].stop, self.states(unknown)[i], drive)
+        return Leg(self.flow, np.append(after, drive), float(angles[i + 1] - angles[i]), self.phases[i + 1])
 
     def speeds(self, unknown: Floats) -> Floats:
         """Return the velocities at the events over the lengths of their stops' directions, by the driving angle.
@@ -155,6 +173,20 @@ class Cycle:
         """Return the velocities of the impacts in m/s."""
         found: Floats = self.speeds(unknown)[self.impacts] * self.flow.lengths[list(self.stops)] * self.flow.omega
         return found
+
+    def solve(self, start: Floats) -> Solved:
+        """Return the solution that Newton's method reaches."""
+        unknown, p = np.array(start, dtype=float), len(self.events)
+        unknown[p:][self.flow.neutral] = 0.0  # where a free centre is must not set the size
+        size = float(np.abs(unknown[p:]).max()) or 1.0
+        rates = [self.flow.phase(pushing).fastest for pushing in self.phases]
+        angles = [self.flow.phase().fastest / max(pair) for pair in pairwise(rates)]  # 1 where no stop is compliant
+        misses = np.full(len(unknown), size)
+        return newton.solve(self.linearised, unknown, (misses, np.append(angles, misses[p:])), self.in_order)
+
+    def in_order(self, unknown: Floats) -> bool:
+        """Whether the events follow one another, the first of the next cycle included."""
+        return bool((np.diff(self.angles(unknown)) > 0.0).all())
 
     def linearised(self, unknown: Floats) -> tuple[Floats, Floats]:
         """Return the misses and their derivative: the levels at the events, then by how much the cycle is open."""

@@ -18,21 +18,22 @@ are simple zeros.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.systems.admissibility import Leg, courses
+from vibroimpact.orbits.orbit import Impacts, same_orbit
+from vibroimpact.orbits.systems.admissibility import courses
 from vibroimpact.orbits.systems.closed_form import EPS, VANISHED, not_isolated, nowhere, unforced
 from vibroimpact.orbits.systems.common_zeros import NODES, common_zeros
 from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.events import IMPACT, LET_GO, Event, Pushing
 from vibroimpact.orbits.systems.flow import Flow, growth
-from vibroimpact.orbits.systems.newton import solve
 
 MANY = 256  # orbits of one contact
-SAME = 1e-8  # of the orbit's size
 CLOSED = 1e-3  # of the orbit's size, and of the largest force: what is farther from an orbit is none
 SHARES = (np.arange(8) + 0.5) / 8  # of a contact, at which the stop must not pull
 
@@ -40,27 +41,29 @@ SHARES = (np.arange(8) + 0.5) / 8  # of a contact, at which the stop must not pu
 def one_contact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
     """Return the cycles of all orbits with one contact in a cycle, their unknowns, and why there may be no others."""
     flow, ((stop, _),) = cycle.flow, cycle.events
-    made = Cycle(flow, cycle.n_periods, (Event(stop, IMPACT), Event(stop, LET_GO)), cycle.images)
-    if why := _not_isolated(made):
+    cycle = replace(cycle, events=(Event(stop, IMPACT), Event(stop, LET_GO)))
+    if why := _not_isolated(cycle):
         return [], why
-    zeros = common_zeros(lambda lows, width: _coefficients(made, lows, width), cycle.length, flow.orders)
-    starts = _starts(made, zeros.durations, zeros.angles)
+    zeros = common_zeros(lambda lows, width: _coefficients(cycle, lows, width), cycle.length, flow.orders)
+    starts = _starts(cycle, zeros.durations, zeros.angles)
     if len(starts) > MANY:
         return [], "contacts of many durations repeat: orbits are not isolated"
     found: list[Floats] = []
+    contacts: list[Impacts] = []
     for start in starts:
-        solved = solve(made, start)
-        if solved.converged and not _pulls(made, solved.z, stop):
-            apart = [np.abs(_on_circle(solved.z, made) - _on_circle(known, made)).max() for known in found]
-            if not apart or min(apart) > SAME * np.abs(solved.z[2:]).max():
+        solved = cycle.solve(start)
+        if solved.converged and not _pulls(cycle, solved.z):
+            contact = Impacts(solved.z[:1] / TURN, cycle.velocities(solved.z))
+            if not any(same_orbit(contact, other) for other in contacts):
                 solved.z[:2] -= TURN * np.floor(solved.z[0] / TURN)
                 found.append(solved.z)
+                contacts.append(contact)
     what = "half a cycle" if cycle.images else f"{cycle.n_periods} driving period{'s' if cycle.n_periods > 1 else ''}"
     why = "" if found else f"no contact was found that repeats after {what}"
     if zeros.left:
         begin, end = np.array(zeros.left) / flow.omega
         why = f"{why}{'; ' if why else ''}of contacts of {begin:.3g} to {end:.3g} s some may be missed"
-    return [(made, z) for z in found], why
+    return [(cycle, z) for z in found], why
 
 
 def _not_isolated(cycle: Cycle) -> str:
@@ -94,16 +97,9 @@ def _equations(cycle: Cycle, durations: Floats) -> tuple[Floats, Floats, Floats]
     return both[..., :n], both[..., n:], contact
 
 
-def _on_circle(z: Floats, cycle: Cycle) -> Floats:
-    size = np.abs(z[2:]).max()
-    return np.concatenate([size * np.cos(z[:2]), size * np.sin(z[:2]), z[2:]])
-
-
-def _pulls(cycle: Cycle, z: Floats, stop: int) -> bool:
+def _pulls(cycle: Cycle, z: Floats) -> bool:
     """Return whether the force falls below zero before contact ends: that is no orbit of any system."""
-    begin = cycle.flow.drive(z[0])
-    leg = Leg(cycle.flow, np.append(z[2:], begin), float(z[1] - z[0]), (stop,))
-    course = next(course for course in courses(leg) if course.stop == stop)
+    course = list(courses(cycle.leg(z, 0)))[cycle.events[0].stop]
     least = np.append(course.gaps[1:-1], course.lowest).min()
     return bool(least < -ROUNDING * course.size)
 

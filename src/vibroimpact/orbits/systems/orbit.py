@@ -133,11 +133,6 @@ class SystemOrbit(Orbit):
         return bool(self.half_multipliers)
 
     @property
-    def stable(self) -> bool:
-        """Whether perturbations decay: all multipliers lie inside the unit circle, by more than rounding."""
-        return self.spectral_radius < 1.0 - ROUNDING
-
-    @property
     def determinant(self) -> float:
         """Product of the multipliers: exp(-tr(M^-1 C) t) of each leg, with the damping c a a^T of the stops that push
         in it, times r d(r v)/dv of each impact on a rigid one; 0 of an orbit that rests.
@@ -178,9 +173,6 @@ class SystemOrbit(Orbit):
         return moved(cycle, unknown, np.asarray(times, float) * self.system.force.omega)
 
 
-AnyOrbit = Orbit
-
-
 def phases_of(turns: Sequence[float]) -> tuple[float, ...]:
     """Return driving phases, in [0, 1), from times in driving periods."""
     return tuple(turn % 1.0 for turn in turns)
@@ -212,25 +204,22 @@ def cycle_of(orbit: SystemOrbit) -> tuple[Cycle, Floats]:
     flow, names = Flow(orbit.system), orbit.system.stop_names
     events = tuple(Event(names.index(stop), kind) for _, kind, stop in orbit.events)
     pushing = tuple(sorted(names.index(stop) for stop in orbit.pushing))
-    return Cycle(flow, orbit.n_periods, events, (), pushing), np.concatenate(solution_of(orbit, flow))
-
-
-def solution_of(orbit: SystemOrbit, flow: Flow) -> tuple[Floats, Floats]:
-    """Return the driving angles of the events of an orbit, and the state before the first one."""
     state = np.append(orbit.start.displacement, orbit.start.velocity)
-    return TURN * np.array([turn for turn, _, _ in orbit.events]), np.linalg.solve(flow.physical, state)
+    angles = TURN * np.array([turn for turn, _, _ in orbit.events])
+    unknown = np.append(angles, np.linalg.solve(flow.physical, state))
+    return Cycle(flow, orbit.n_periods, events, (), pushing), unknown
 
 
 def moved(cycle: Cycle, unknown: Floats, angles: Floats) -> tuple[Floats, Floats, Floats]:
     """Return displacements, velocities and accelerations along a whole cycle at driving angles."""
     flow, ends = cycle.flow, cycle.angles(unknown)
-    states, n = cycle.states(unknown), cycle.flow.n
+    n = flow.n
     found = np.empty((3, len(angles), n))
     for row, angle in enumerate(unknown[0] + (angles - unknown[0]) % cycle.length):
         i = min(int(np.searchsorted(ends, angle, side="right")) - 1, len(cycle.events) - 1)
-        after, pushing = flow.struck(cycle.events[i].stop, states[i], flow.drive(ends[i])), cycle.phases[i + 1]
-        x = flow.fly(after, ends[i], angle, pushing)
-        rate = flow.rate(x, flow.drive(angle), pushing)
+        leg = cycle.leg(unknown, i)
+        x = flow.fly(leg.start[: 2 * n], ends[i], angle, leg.pushing)
+        rate = flow.rate(x, flow.drive(angle), leg.pushing)
         found[:2, row] = (flow.physical @ x).reshape(2, n)
         found[2, row] = flow.omega * (flow.physical @ rate)[n:]
     return found[0], found[1], found[2]
@@ -238,11 +227,11 @@ def moved(cycle: Cycle, unknown: Floats, angles: Floats) -> tuple[Floats, Floats
 
 def at_first_contact(orbit: SystemOrbit) -> SystemOrbit:
     """Return the steady motion that an orbit is whose impacts all have velocity 0, as one impact a driving period."""
-    flow = Flow(orbit.system)
-    angles, state = solution_of(orbit, flow)
-    stop = orbit.system.stop_names.index(orbit.stops[0])
-    cycle = Cycle(flow, 1, (Event(stop, GRAZE if flow.compliant[stop] else IMPACT),))
-    return make_orbit(orbit.model, cycle, np.append(angles[:1], state))
+    cycle, unknown = cycle_of(orbit)
+    first = cycle.events[0].stop
+    event = Event(first, GRAZE if cycle.flow.compliant[first] else IMPACT)
+    steady = Cycle(cycle.flow, 1, (event,))
+    return make_orbit(orbit.model, steady, np.append(unknown[:1], unknown[len(cycle.events) :]))
 
 
 def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> SystemOrbit:

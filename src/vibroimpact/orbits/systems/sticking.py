@@ -22,9 +22,10 @@ from vibroimpact.cells import Floats
 from vibroimpact.model import Model, State
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
-from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.orbit import SAME, family_of
-from vibroimpact.orbits.search import CLOSE, MOST, SINGULAR, Orbits, Solved
+from vibroimpact.orbits.equations import SAME, TURN
+from vibroimpact.orbits.found import Guess, Orbits, lost, other_name
+from vibroimpact.orbits.newton import CLOSE, MOST, SINGULAR, Solved
+from vibroimpact.orbits.orbit import family_of
 from vibroimpact.orbits.systems.contacts import Contact
 from vibroimpact.orbits.systems.cycle import multipliers_of
 from vibroimpact.orbits.systems.flow import Flow
@@ -50,48 +51,44 @@ class _Cycle(NamedTuple):
     moves: Floats
 
 
-def find_sticking(model: Model, n_periods: int, near: SystemOrbit | State | None) -> Orbits[SystemOrbit]:
+def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOrbit]:
     """Return the period-n orbit that rests at a stop, from an orbit or a state near it, or the motion from rest."""
     system: ImpactSystem = model.at()
-    if isinstance(near, SystemOrbit) and len(near.start.displacement) != len(system.mass):
-        raise invalid("near", near.name, f"an orbit of {len(system.mass)} coordinates")
-    if isinstance(near, State):
-        system.cells({}, near)  # refused where it does not fit
+    if guess.orbit is not None:
+        if len(guess.orbit.start.displacement) != system.coordinates:
+            raise invalid("near", guess.orbit.name, f"an orbit of {system.coordinates} coordinates")
+    elif guess.state is not None:
+        system.cells({}, guess.state)  # refused where it does not fit
     carrier, name = Carrier(system.cells({}), Tolerances()), cycle_name(n_periods, -1)
     try:
-        state = near.start if isinstance(near, SystemOrbit) else near or _settled(system)
-        if not (isinstance(near, SystemOrbit) and near.sticks):
+        state = guess.state or _settled(system)
+        if not guess.sticks:
             state = _quiet(system, carrier, state, n_periods)
         found, derivative = _solve(carrier, state, system.period, n_periods)
     except ValueError as error:  # beyond a stop, or not to be followed
         return Orbits(outcome="not_converged", message=str(error))
-    if found.singular:
-        message = "converged to a fold, where the equations are singular; begin beside it"
-        return Orbits(outcome="singular", message=message)
-    if not found.converged:
-        hint = "give a state or an orbit nearer to one as `near`"
-        return Orbits(outcome="not_converged", message=f"not converged to a {name} orbit; {hint}")
+    if found.singular or not found.converged:
+        return lost(found, name)
     state = _state(carrier, found.z, state.time)
     cycle = _follow(system, state, n_periods)
     apart = np.abs(cycle.moves - cycle.moves[0]).max(axis=1) / np.abs(cycle.moves[0]).max()
     periods = next(n for n in range(1, n_periods + 1) if n_periods % n == 0 and apart[n] <= SAME)
     if not (cycle.rests and len(cycle.times)):
-        own = cycle_name(periods, len(cycle.times) * periods // n_periods)
-        return Orbits(outcome="other_name", message=f"converged to a {own} orbit, which rests at no stop")
+        reached = cycle_name(periods, len(cycle.times) * periods // n_periods)
+        return Orbits(outcome="other_name", message=f"converged to a {reached} orbit, which rests at no stop")
     if periods < n_periods:
-        message = f"converged to a {cycle_name(periods, -1)} orbit instead of a {name} one"
-        return Orbits(outcome="other_name", message=message)
+        return other_name(cycle_name(periods, -1), name)
     orbit = _orbit(model, cycle, state, multipliers_of(derivative), n_periods)
     return Orbits([orbit], message=f"1 {name} orbit")
 
 
 def _settled(system: ImpactSystem) -> State:
     """Return the state to which the motion from rest has come."""
-    seen: Any
-    (seen,) = get_backend("cpu").samples(system.cells({}), Measurement(StroboscopicWindow(SETTLING, 1)))
-    if not len(seen.look_phase):
+    samples: Any
+    (samples,) = get_backend("cpu").samples(system.cells({}), Measurement(StroboscopicWindow(SETTLING, 1)))
+    if not len(samples.look_phase):
         raise ValueError("the motion from rest could not be followed; give `near`")
-    return State(seen.look_displacement[0], seen.look_velocity[0], seen.look_phase[0] * system.period)
+    return State(samples.look_displacement[0], samples.look_velocity[0], samples.look_phase[0] * system.period)
 
 
 def _state(carrier: Carrier, x: Floats, time: float) -> State:
@@ -101,25 +98,27 @@ def _state(carrier: Carrier, x: Floats, time: float) -> State:
 
 def _follow(system: ImpactSystem, state: State, n_periods: int) -> _Cycle:
     """Return the events within n periods of a motion; rests that last beyond them are followed to their ends."""
-    seen: Any
+    samples: Any
     window = StroboscopicWindow(0, 2 * n_periods + 1)
-    (seen,) = get_backend("cpu").samples(system.cells({}, state), Measurement(window))
+    (samples,) = get_backend("cpu").samples(system.cells({}, state), Measurement(window))
     first, names, form = state.time / system.period, system.stop_names, system.modal()
     centre = form.inverse[form.neutral[0]].T @ form.shapes[:, form.neutral[0]].T
-    times = seen.impact_periods + seen.impact_phase
+    times = samples.impact_periods + samples.impact_phase
     within = times < first + n_periods
     rests = []
-    for stop, begin, end in zip(seen.rest_stop, seen.rest_begin.sum(axis=1), seen.rest_end.sum(axis=1), strict=True):
+    for stop, begin, end in zip(
+        samples.rest_stop, samples.rest_begin.sum(axis=1), samples.rest_end.sum(axis=1), strict=True
+    ):
         lasts = math.isnan(end)
         if first < begin < first + n_periods or (lasts and begin <= first):
             rests.append(Rest(names[stop], float(begin), float(first + n_periods if lasts else end)))
     return _Cycle(
         times[within],
-        tuple(names[stop] for stop in seen.impact_stop[within]),
-        seen.impact_velocity[within],
-        seen.impact_impulse[within],
+        tuple(names[stop] for stop in samples.impact_stop[within]),
+        samples.impact_velocity[within],
+        samples.impact_impulse[within],
         tuple(rests),
-        seen.look_displacement - seen.look_displacement @ centre,
+        samples.look_displacement - samples.look_displacement @ centre,
     )
 
 

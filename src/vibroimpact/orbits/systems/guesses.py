@@ -1,22 +1,61 @@
-"""Follow a system from a state, event by event, to where Newton's method for an orbit begins."""
+"""Where Newton's method for an orbit of a system begins: at an orbit, at times of impacts, or where a motion leads."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.systems.admissibility import Leg, clearances, courses, pulls
-from vibroimpact.orbits.systems.cycle import Cycle
+from vibroimpact.orbits.found import Guess
+from vibroimpact.orbits.systems.admissibility import clearances, courses, pulls
+from vibroimpact.orbits.systems.cycle import Cycle, Leg
 from vibroimpact.orbits.systems.events import IMPACT, LET_GO, PUSH_AGAIN, Event, Pushing
 from vibroimpact.orbits.systems.flow import Flow
+from vibroimpact.orbits.systems.orbit import cycle_of
+from vibroimpact.parameters import invalid, real_number, several
 
 CHUNK = 15.0  # radians of the fastest rate that are looked at at once
 HALVINGS = 50
 MOST = 1000  # events
+LEAST = 0.4  # of the time to the next event: a contact is guessed to be that long at most
+
+
+def beginning(
+    flow: Flow, n_periods: int, stops: tuple[int, ...], images: tuple[int, ...], guess: Guess
+) -> tuple[Cycle, Floats]:
+    """Return the cycle and the unknown that Newton's method starts from."""
+    length = TURN * n_periods * (0.5 if images else 1.0)
+    orbit, parts = guess.orbit, 2 if images and guess.symmetric else 1
+    if orbit is not None and len(orbit.system.mass) == flow.n:
+        cycle, unknown = cycle_of(orbit)
+        state = cycle.flow.physical @ unknown[len(cycle.events) :]
+        p = len(cycle.events) // parts
+        cycle = replace(cycle, flow=flow, n_periods=n_periods, events=cycle.events[:p], images=images)
+        if cycle.stops == stops:
+            return cycle, np.append(unknown[:p], np.linalg.solve(flow.physical, state))
+    elif guess.only_state:
+        found = traced(flow, n_periods, guess.state, stops)
+        if found is None:
+            raise invalid("near", guess.state, f"a state from which these stops are struck in {n_periods} periods")
+        return found
+    if guess.none:
+        raise invalid("near", None, "an orbit or the times of the impacts", "orbits of several impacts need a guess")
+    if orbit is not None:
+        angles = TURN * np.array(orbit.turns[: orbit.n_impacts // parts])
+    else:
+        times = several("near", guess.given, "an orbit or times")
+        angles = flow.omega * np.array([real_number(f"near[{i}]", time) for i, time in enumerate(times)])
+    if len(angles) != len(stops):
+        raise invalid("near", guess.given, f"one time for each of the {len(stops)} stops struck")
+    if not (np.diff(np.append(angles, angles[0] + length)) > 0.0).all():
+        raise invalid("near", guess.given, f"times in order, within {length / flow.omega:.6g} s")
+    events, angles = _with_releases(flow, stops, angles, angles[0] + length)
+    cycle = Cycle(flow, n_periods, events, images)
+    return cycle, _from_angles(cycle, angles)
 
 
 class Met(NamedTuple):
@@ -38,15 +77,15 @@ def pressed(flow: Flow, x: Floats, z: Floats) -> Pushing:
     return tuple(found)
 
 
-def cycle_from(
-    flow: Flow, n_periods: int, x: Floats, angle: float, stops: tuple[int, ...] | int
-) -> tuple[Cycle, Floats] | None:
+def traced(flow: Flow, n_periods: int, state: Any, stops: tuple[int, ...] | int) -> tuple[Cycle, Floats] | None:
     """Return the cycle in which a motion from a state strikes these stops in turn, the hardest first, and its unknown.
 
     Of a number of impacts, whichever stops they are on. None if it does not, or not nearly as long after as Newton's
     method may mend.
     """
     number = stops if isinstance(stops, int) else len(stops)
+    x = np.linalg.solve(flow.physical, np.append(state.displacement, state.velocity))
+    angle = state.time * flow.omega
     met: list[Met] = []
     pushing, last, left = pressed(flow, x, flow.drive(angle)), angle + TURN * (2 * n_periods + 1), -1
     while sum(each.event.kind == IMPACT for each in met) <= number:
@@ -125,3 +164,29 @@ def _crossing(level: Callable[[float], float], low: float, high: float) -> float
         middle = 0.5 * (low + high)
         low, high = (low, middle) if level(middle) < 0.0 else (middle, high)
     return high
+
+
+def _from_angles(cycle: Cycle, angles: Floats) -> Floats:
+    """Return the unknown with the state that comes nearest to an orbit with impacts at these angles.
+
+    At fixed angles the misses are linear in the state.
+    """
+    unknown = np.append(angles, np.zeros(2 * cycle.flow.n))
+    misses, matrix = cycle.linearised(unknown)
+    unknown[len(angles) :] = -np.linalg.lstsq(matrix[:, len(angles) :], misses, rcond=None)[0]
+    return unknown
+
+
+def _with_releases(flow: Flow, stops: tuple[int, ...], angles: Floats, end: float) -> tuple[tuple[Event, ...], Floats]:
+    """Return the events of impacts and of the ends of their contacts, if each lasts half a turn of its stop's spring.
+
+    `end` is the angle of the first impact of the next cycle.
+    """
+    events, times = [], []
+    for stop, touch, after in zip(stops, angles, [*angles[1:], end], strict=True):
+        events.append(Event(stop, IMPACT))
+        times.append(touch)
+        if flow.compliant[stop]:
+            events.append(Event(stop, LET_GO))
+            times.append(touch + min(np.pi / flow.phase((stop,)).fastest, LEAST * (after - touch)))
+    return tuple(events), np.array(times)

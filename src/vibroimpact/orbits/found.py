@@ -1,0 +1,108 @@
+"""The result of a search for periodic orbits, and what a search begins with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from vibroimpact.model import State
+from vibroimpact.orbits.newton import Solved
+from vibroimpact.orbits.orbit import Orbit
+from vibroimpact.parameters import choice, invalid, several
+
+IMPACTS = 1000  # in a cycle, at most: the equations grow as its square
+
+Kind = TypeVar("Kind")
+
+
+class Orbits(list[Kind], Generic[Kind]):
+    """The orbits of one (n, p) type, stable ones first, with the outcome of the search.
+
+    Attributes
+    ----------
+    outcome : str
+        "found"; "inadmissible" (solutions, but each penetrates the stop); "none" (none exists, or no initial guess
+        converged to one); "other_name" (the guess converged to an orbit of fewer periods and impacts);
+        "not_converged"; "singular" (it converged to a fold or a graze, where the equations do not fix an orbit).
+    message : str
+        The outcome in a sentence.
+    """
+
+    def __init__(self, orbits: Iterable[Kind] = (), *, outcome: str = "found", message: str = "") -> None:
+        super().__init__(orbits)
+        self.outcome = outcome
+        self.message = message
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What a search begins with: as it was `given`, the orbit that this is, and a state on that, or a state alone.
+
+    Of an orbit also the stops that it strikes, and whether it rests and is symmetric. Without a state, what is given
+    are numbers, not checked yet: a phase and a velocity of one mass, times of impacts in s for systems.
+    """
+
+    given: Any = None
+    orbit: Any = None
+    state: State | None = None
+    stops: tuple[str, ...] = ()
+    sticks: bool = False
+    symmetric: bool = False
+
+    @staticmethod
+    def of(near: Any) -> Guess:
+        """Return the guess that an orbit, an attractor, a State, numbers or None makes."""
+        state = near if isinstance(near, State) else getattr(near, "start", None)
+        if not isinstance(state, State):
+            return Guess(near)
+        orbit = None if near is state else getattr(near, "orbit", near)
+        if orbit is None:
+            return Guess(near, state=state)
+        return Guess(near, orbit, state, orbit.stops, orbit.sticks, orbit.symmetric)
+
+    @property
+    def none(self) -> bool:
+        """Whether nothing was given."""
+        return self.given is None
+
+    @property
+    def only_state(self) -> bool:
+        """Whether a state was given that is on no orbit known."""
+        return self.state is not None and self.orbit is None
+
+
+NOTHING = Guess()
+
+
+def numbers_of(stops: Any, names: tuple[str, ...]) -> tuple[int, ...]:
+    """Return the numbers of the stops that are struck in turn, from their names."""
+    given = several("stops", stops, "a stop's name or a list of them")
+    found = tuple(names.index(choice("stops", name, names)) for name in given)
+    if not 1 <= len(found) <= IMPACTS:
+        raise invalid("stops", stops, f"1 to {IMPACTS} stops to strike")
+    return found
+
+
+def ordered(orbits: Iterable[Orbit]) -> Orbits[Any]:
+    """Return orbits of one type, stable ones first, then admissible ones, then hard ones, and what they are."""
+    found = sorted(orbits, key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)))
+    good = sum(orbit.admissible for orbit in found)
+    number = f"{good} {found[0].name} orbit{'s' if good > 1 else ''}"
+    return Orbits(found, outcome="found" if good else "inadmissible", message=number if good else found[0].message)
+
+
+def lost(found: Solved, name: str) -> Orbits[Any]:
+    """Return the outcome where Newton's method did not reach an orbit."""
+    outcome, message = "not_converged", f"not converged to a {name} orbit; give a guess nearer to one as `near`"
+    if found.singular:
+        outcome, message = (
+            "singular",
+            "converged to a fold or a graze, where the equations are singular; begin beside it",
+        )
+    return Orbits(outcome=outcome, message=message)
+
+
+def other_name(reached: str, name: str) -> Orbits[Any]:
+    """Return the outcome where Newton's method reached an orbit that repeats sooner than it was to."""
+    return Orbits(outcome="other_name", message=f"converged to a {reached} orbit instead of a {name} one")

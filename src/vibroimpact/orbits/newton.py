@@ -1,0 +1,59 @@
+"""Damped Newton's method for the equations of an orbit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vibroimpact.orbits.equations import Floats
+
+Linearised = Callable[[Floats], tuple[Floats, Floats]]
+
+MOST = 40
+CLOSE = 1e-9  # relative: the correction after which convergence, being quadratic, is complete
+SINGULAR = 1e13
+
+
+@dataclass(frozen=True)
+class Solved:
+    """The result of Newton's method: whether it converged, and whether the solution is not isolated."""
+
+    z: Floats
+    converged: bool
+    singular: bool = False
+
+
+def solve(
+    linearised: Linearised, start: Floats, sizes: tuple[Floats, Floats], in_order: Callable[[Floats], bool]
+) -> Solved:
+    """Return the solution that damped Newton's method reaches: steps are halved while they raise the misses.
+
+    `linearised` returns the misses and their derivative, `sizes` are those of the misses and of the unknown, and
+    `in_order` is whether the events of an unknown follow one another.
+    """
+    rows, columns = sizes
+
+    def scaled(unknown: Floats) -> tuple[Floats, Floats]:
+        missed, slope = linearised(unknown)
+        return missed / rows, slope * columns / rows[:, None]
+
+    z, (misses, matrix) = start, scaled(start)
+    for _ in range(MOST):
+        if not np.isfinite(matrix).all():
+            break
+        correction = np.linalg.lstsq(matrix, misses, rcond=None)[0]
+        largest, part = float(np.abs(correction).max()), 1.0
+        while part > 1e-3:
+            trial = z - part * columns * correction
+            left, slope = scaled(trial)
+            if largest < CLOSE or (np.abs(left).max() < np.abs(misses).max() and in_order(trial)):
+                break
+            part *= 0.5
+        else:
+            break
+        if largest < CLOSE:
+            return Solved(trial, in_order(trial), bool(np.linalg.cond(matrix) > SINGULAR))
+        z, misses, matrix = trial, left, slope
+    return Solved(z, False, bool(not np.isfinite(matrix).all() or np.linalg.cond(matrix) > 1e6))

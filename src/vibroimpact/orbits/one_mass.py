@@ -1,0 +1,193 @@
+"""Find the periodic orbits of one mass in front of one rigid stop.
+
+Orbits with one impact are known in closed form, those that stick by following the mass from its release. For the rest
+Newton's method solves the equations of a cycle, from motions that the engine followed: the attractor reached from rest,
+and a grid over the impact surface.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+from functools import partial
+
+import numpy as np
+
+from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
+from vibroimpact.backends.scalar import outlast
+from vibroimpact.model import Model
+from vibroimpact.orbits import newton
+from vibroimpact.orbits.admissibility import contacts
+from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
+from vibroimpact.orbits.found import Guess, Orbits, lost, ordered, other_name
+from vibroimpact.orbits.newton import Solved
+from vibroimpact.orbits.orbit import Impacts, Orbit, from_hardest, make_orbit, same_orbit, solution_of, true_cycle
+from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.parameters import invalid, real_number
+
+
+def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[Orbit]:
+    """Return the period-n impact-p orbits of one mass: those of one impact, that which sticks, others from a guess."""
+    osc: ImpactOscillator = model.at()
+    cycle, impact = Cycle(n_periods, n_impacts), _impact(osc, guess)
+    if cycle.n_impacts == -1:
+        from vibroimpact.orbits.sticking import find_sticking_orbit, why_none  # slower to import
+
+        sticking = find_sticking_orbit(model, cycle.n_periods)
+        return Orbits(sticking) if sticking else Orbits(outcome="none", message=why_none(osc, cycle.n_periods))
+    if cycle.n_impacts == 1 or osc.amplitude == 0.0:
+        solutions, why = impact_1_orbits(osc, cycle.n_periods)
+        if not solutions:
+            return Orbits(outcome="none", message=why)
+        return ordered(make_orbit(model, cycle, z) for z in solutions)
+    orbit = guess.orbit
+    if orbit is not None and orbit.oscillator.forgets and (orbit.n_periods, orbit.n_impacts) == astuple(cycle):
+        return _from(model, cycle, solution_of(orbit)[1])
+    if impact is None:
+        return _anywhere(model, cycle)
+    (chain,) = followed(osc, cycle, *np.array(impact)[:, None])
+    if chain is None:
+        few = f"fewer than {cycle.n_impacts} impacts follow from there; begin where the mass hits more often"
+        return Orbits(outcome="not_converged", message=few)
+    return _from(model, cycle, cycle_of(chain))
+
+
+def solve(osc: ImpactOscillator, cycle: Cycle, start: Floats) -> Solved:
+    """Return the solution that Newton's method reaches."""
+    sizes, parameters = cycle.scales(osc, fastest_of(osc, start[cycle.n_impacts :])), parameters_of(osc)
+    return newton.solve(partial(cycle.linearised, parameters), start, sizes, cycle.in_order)
+
+
+def stable_orbits(osc: ImpactOscillator, n_periods: int) -> list[Orbit]:
+    """Return the stable period-n impact-1 orbits, the hardest first; unstable ones are not even made."""
+    cycle, parameters = Cycle(n_periods, 1), parameters_of(osc)
+    stable = [z for z in impact_1_orbits(osc, n_periods)[0] if max(map(abs, cycle.multipliers(parameters, z))) < 1.0]
+    return sorted((make_orbit(osc, cycle, z) for z in stable), key=lambda orbit: -max(orbit.velocities))
+
+
+def _impact(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:
+    """Return phase and velocity of an impact near the orbit that is wanted, if one is given."""
+    orbit, state, given = guess.orbit, guess.state, guess.given
+    if guess.none or (orbit is not None and not orbit.velocities):
+        return None
+    if orbit is not None:
+        return orbit.phases[0], orbit.velocities[0]
+    if state is not None:
+        if state.displacement != osc.gap:
+            raise invalid("near", state, f"a state at an impact, with displacement = gap = {osc.gap!r}")
+        phase, velocity = state.time / osc.period, state.velocity
+    elif isinstance(given, (tuple, list)) and len(given) == 2:
+        phase, velocity = real_number("near", given[0]), given[1]
+    else:
+        what = "an Orbit, a State at the stop, or (phase, velocity)"
+        raise invalid("near", given, what, "for example near=(0.25, 1.4)")
+    allowed = "an impact of velocity > 0"
+    speed = real_number("near", velocity, allowed)
+    if speed <= 0.0:
+        raise invalid("near", velocity, allowed, "give the speed just before contact")
+    return phase, speed
+
+
+def _from(model: Model, cycle: Cycle, start: Floats) -> Orbits[Orbit]:
+    """Return the orbit that Newton's method reaches."""
+    found = solve(model.at(), cycle, start)
+    if found.singular or not found.converged:
+        return lost(found, cycle.name)
+    smallest = true_cycle(cycle, found.z)
+    if smallest != cycle:
+        return other_name(smallest.name, cycle.name)
+    return ordered([make_orbit(model, cycle, from_hardest(cycle, found.z))])
+
+
+def _anywhere(model: Model, cycle: Cycle) -> Orbits[Orbit]:
+    """Return the admissible orbits found from the attractor reached from rest and from a grid of impacts."""
+    osc = model.at()
+    solutions: list[Floats] = []
+    others: list[Cycle] = []
+    for start in candidates(osc, cycle):
+        found = solve(osc, cycle, start)
+        if not found.converged or found.singular or found.z[cycle.n_impacts :].min() <= 0.0:
+            continue
+        z = from_hardest(cycle, found.z)
+        if any(same_orbit(Impacts.of(z), Impacts.of(other)) for other in solutions):
+            continue
+        smallest = true_cycle(cycle, z)
+        if smallest == cycle:
+            solutions.append(z)
+        elif smallest not in others:
+            others.append(smallest)
+    orbits = ordered(make_orbit(model, cycle, z) for z in solutions) if solutions else Orbits[Orbit]()
+    real = [orbit for orbit in orbits if orbit.admissible]
+    virtual = len(orbits) - len(real)
+    if real:
+        return Orbits(real, message=orbits.message)
+    message = f"no initial guess converged to a {cycle.name} orbit"
+    if others:
+        message += f"; some converged to {' or '.join(other.name for other in others)} orbits"
+    if virtual:
+        message += f"; {virtual} solution{'s' if virtual > 1 else ''} inadmissible (penetrating the stop)"
+    return Orbits(outcome="other_name" if others else "none", message=message)
+
+
+GRID = (40, 28)  # initial impacts: phases, velocities
+TRIES = 40  # of them that Newton's method tries besides the local minima of the miss
+SETTLING = 2000  # impacts left out on the way to the attractor
+
+
+def followed(osc: ImpactOscillator, cycle: Cycle, phases: Floats, velocities: Floats) -> list[Floats | None]:
+    """Return from each impact the p impacts that follow, itself included, and the next: turns and velocities."""
+    return [_chain(samples, cycle.n_impacts) for samples in contacts(osc, phases, velocities, cycle.n_impacts)]
+
+
+def _chain(samples: Samples, p: int) -> Floats | None:
+    """Return turns and velocities of p + 1 impacts in a row, or None if there are fewer."""
+    if len(samples.impact_phase) < p + 1:
+        return None
+    periods, phases, velocities = (
+        column[-p - 1 :] for column in (samples.impact_periods, samples.impact_phase, samples.impact_velocity)
+    )
+    return np.concatenate([periods - periods[0] + phases, velocities])
+
+
+def cycle_of(chain: Floats) -> Floats:
+    """Return the cycle that a chain would be if its last impact were its first."""
+    p = len(chain) // 2 - 1
+    return np.concatenate([chain[:p], chain[p + 1 : -1]])
+
+
+def _miss(cycle: Cycle, chain: Floats | None, speed: float) -> float:
+    """Return the distance of a chain from closing after n periods, in turns and parts of a speed; or infinity."""
+    if chain is None:
+        return np.inf
+    p = cycle.n_impacts
+    late = abs(chain[p] - chain[0] - cycle.n_periods)
+    return float(late + abs(chain[-1] - chain[p + 1]) / speed) if late < 0.5 else np.inf
+
+
+def attractor_chain(osc: ImpactOscillator, cycle: Cycle) -> Floats | None:
+    """Return the last impacts of the attractor reached from rest."""
+    cells = osc.cells({})
+    if osc.gap <= 0.0:  # slightly out of balance, otherwise nothing starts
+        cells = cells.replace(velocity=cells["velocity"] - 1e-3 * osc.velocity_scale)
+    window = ImpactWindow(SETTLING, cycle.n_impacts + 1)
+    (samples,) = get_backend("cpu").samples(cells, Measurement(window))
+    return _chain(samples, cycle.n_impacts)
+
+
+def candidates(osc: ImpactOscillator, cycle: Cycle) -> list[Floats]:
+    """Return initial guesses: the attractor's cycle, then those of a grid on the impact surface that close best."""
+    attractor = attractor_chain(osc, cycle)
+    if attractor is None and outlast(osc.cells({}), Measurement(ImpactWindow(0, cycle.n_impacts + 1))):
+        return []  # nor would impacts of the grid be followed so far
+    hardest = 0.0 if attractor is None else float(attractor[cycle.n_impacts + 1 :].max())
+    fastest = max(2.0 * osc.velocity_scale, 1.5 * hardest)
+    phases, velocities = np.meshgrid(np.arange(GRID[0]) / GRID[0], fastest * (np.arange(GRID[1]) + 0.5) / GRID[1])
+    chains = followed(osc, cycle, phases.ravel(), velocities.ravel())
+    misses = np.array([_miss(cycle, chain, fastest) for chain in chains]).reshape(phases.shape)
+    # Rows are velocities, columns phases on the circle: nothing beyond the rows comes close.
+    walled = np.pad(np.pad(misses, ((0, 0), (1, 1)), mode="wrap"), ((1, 1), (0, 0)), constant_values=np.inf)
+    around = [np.roll(walled, (a, b), (0, 1))[1:-1, 1:-1] for a in (-1, 0, 1) for b in (-1, 0, 1)]
+    lowest = np.isfinite(misses) & (misses <= np.min(around, axis=0))
+    best = misses.ravel() <= np.partition(misses.ravel(), TRIES)[TRIES]
+    chosen = np.flatnonzero((lowest.ravel() | best) & np.isfinite(misses.ravel()))
+    chosen = chosen[np.argsort(misses.ravel()[chosen])]
+    return [cycle_of(chain) for chain in [attractor, *(chains[j] for j in chosen)] if chain is not None]
