@@ -22,7 +22,8 @@ from numcodecs import Zstd
 
 import vibroimpact as vi
 from vibroimpact import parameters, request
-from vibroimpact.cli import Ended, main
+from vibroimpact.cli import main
+from vibroimpact.cli.endings import Ended
 from vibroimpact.cli.files import sentences_of_store
 from vibroimpact.execution.store import SweepStore
 from vibroimpact.explorer.stored import open_study

@@ -9,10 +9,10 @@ import pytest
 
 import vibroimpact as vi
 from fenced import ROOT, blocks, table
-from vibroimpact.cli import WrongRequest
+from vibroimpact.cli.endings import WrongRequest
 from vibroimpact.cli.options import Options
 from vibroimpact.cli.schema import PARAMETERS, SAMPLE_IMPACTS, STUDY, TABLES, X
-from vibroimpact.cli.study import make_study
+from vibroimpact.cli.study import make_study, study_of
 
 DESIGN = """
 [oscillator]
@@ -33,7 +33,7 @@ backend = "cpu"
 
 def read_study(path, **typed):
     """Return the request of a file and of options as typed."""
-    return Options((STUDY, PARAMETERS, X, SAMPLE_IMPACTS), {"study": path, **typed}).study()
+    return study_of(Options((STUDY, PARAMETERS, X, SAMPLE_IMPACTS), {"study": path, **typed}))
 
 
 @pytest.fixture

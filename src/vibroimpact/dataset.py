@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
@@ -119,14 +119,6 @@ def level_variable(dims: str | Sequence[str], levels: Any) -> xr.Variable:
     """Return levels of refinement with their meaning."""
     meaning = "level of refinement at which a cell was computed, -1 where it was filled in"
     return plain_variable(dims, levels, {"long_name": meaning, "units": "1", "symbol": "level"})
-
-
-def stick_times(seconds: Callable[[Any, Any], Any], seen: Any) -> dict[str, xr.Variable]:
-    """Return the times at which the mass came to rest at the stop and left it, from a back end's samples."""
-    return {
-        "stick_time": variable("stick_time", "stick", seconds(seen.stick_periods, seen.stick_phase)),
-        "release_time": variable("release_time", "stick", seconds(seen.release_periods, seen.release_phase)),
-    }
 
 
 @cache

@@ -19,7 +19,6 @@ from vibroimpact.execution.places import check_place, computing
 from vibroimpact.indices import check_indices
 from vibroimpact.model import Model, State, check_model
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import STEPS, check_fits, truth, whole_number
 from vibroimpact.progress import Report, Stop, reporter
 from vibroimpact.request import Request, check_axes, check_points, check_start, map_of
@@ -87,7 +86,7 @@ def parameter_map(
         within 1e-10 of the velocity scale (1e-11 of a system's), but `max_velocity` of an oscillator becomes that of
         the cycle, without what is left of the transient. False computes every impact.
     by_stop : bool
-        For systems: tell the stops apart. `std`, `mean_velocity`, `max_velocity`, `impacts_per_period`, `dissipation`,
+        Tell the stops apart: `std`, `mean_velocity`, `max_velocity`, `impacts_per_period`, `dissipation`,
         `stick_fraction`, `impact_phase_spread` and `grazing_margin` get a dim `stop`, of the impacts, rests and misses
         at each stop within the impacts kept on all. Without an impact there velocities and phases are NaN.
     tolerances : Tolerances, optional
@@ -194,8 +193,6 @@ def parameter_map(
 def _check_by_stop(request: Request, refine: int | None) -> None:
     if not request.measurement.by_stop:
         return
-    if isinstance(request.model.at(), ImpactOscillator):
-        raise ValueError("`by_stop` tells the stops of a system apart, and an oscillator has one; leave it out")
     if refine is not None:
         raise ValueError("`by_stop` does not go with `refine`; give one of the two")
 

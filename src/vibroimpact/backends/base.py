@@ -117,6 +117,16 @@ class Samples:
         """The number of the stop of each impact, the only one."""
         return np.zeros(len(self.impact_velocity), np.int64)
 
+    @property
+    def rest_begin(self) -> Floats:
+        """When each rest began, in whole periods and phase, a row each."""
+        return np.column_stack([self.stick_periods, self.stick_phase])
+
+    @property
+    def rest_end(self) -> Floats:
+        """When each rest ended, in whole periods and phase, a row each."""
+        return np.column_stack([self.release_periods, self.release_phase])
+
     @classmethod
     def of(
         cls,
@@ -201,6 +211,12 @@ def looks_status(sticks: Floats, first: float, pressed: bool) -> Status:
 
 
 Outcome = dict[str, NDArray[Any]]
+
+
+def told_apart(found: Outcome, measurement: Measurement) -> Outcome:
+    """Return the outcome of cells with one stop, with a column for it where stops are to be told apart."""
+    of_stops = {name for name, index in INDICES.items() if measurement.by_stop and index.by_stop}
+    return {name: values[:, None] if name in of_stops else values for name, values in found.items()}
 
 
 class Backend(Protocol):
@@ -318,7 +334,7 @@ class OneByOne(Backend):
             index.name: np.array([found.get(index.name, index.fill) for _, _, found in rows], dtype=index.dtype)
             for index in INDICES.values()
         }
-        return table | {
+        return told_apart(table, measurement) | {
             "status": np.array([seen.status for seen, _, _ in rows], dtype=np.int8),
             "impacts": np.array([impacts for _, impacts, _ in rows], dtype=np.int64),
             "steps": np.array([seen.steps for seen, _, _ in rows], dtype=np.int64),

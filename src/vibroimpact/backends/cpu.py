@@ -76,7 +76,7 @@ def _sweeps(cells: Cells, measurement: Measurement) -> Iterator[tuple[Counts, An
     from vibroimpact.backends import one_mass, systems  # compiled when it is first asked
 
     alone = one_mass.served(cells, measurement)
-    for rows, engine in (alone, one_mass.OneMassSweep), (~alone, systems.SystemSweep):
+    for rows, engine in (alone, one_mass.sweep), (~alone, systems.SystemSweep):
         if rows.any():
             yield np.flatnonzero(rows), engine(cells[rows], measurement)
 

@@ -14,7 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends.base import Backend, Counts, Floats, ImpactWindow, Measurement, Outcome, Samples
+from vibroimpact.backends.base import (
+    Backend,
+    Counts,
+    Floats,
+    ImpactWindow,
+    Measurement,
+    Outcome,
+    Samples,
+    told_apart,
+)
 from vibroimpact.backends.cpu import CpuBackend
 from vibroimpact.backends.scalar import Limits, limits, outcomes, rows_of
 from vibroimpact.cells import Cells
@@ -68,7 +77,7 @@ class CudaBackend(Backend):
                 tile = _Tile(rows[part], closers, measurement.impacts, limits(measurement.tolerances), thorough)
                 results[part], ends[part] = tile.run(measurement.early_closing)
             low += size
-        return outcomes(results, ends, measurement.impacts)
+        return told_apart(outcomes(results, ends, measurement.impacts), measurement)
 
     def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
         """Return the samples that the window takes of each cell, as `cpu` does."""

@@ -17,10 +17,8 @@ from numpy.typing import NDArray
 
 from vibroimpact.backends import scalar
 from vibroimpact.backends.base import (
-    Counts,
     Floats,
     Measurement,
-    Outcome,
     Samples,
     StroboscopicWindow,
     SystemSamples,
@@ -87,18 +85,9 @@ def as_one_mass(cells: SystemCells) -> tuple[Cells, Floats]:
     return Cells.of(columns), ahead
 
 
-class OneMassSweep(scalar.Sweep):
-    """Cells of systems that are one mass each, and what has become of them."""
-
-    def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
-        super().__init__(as_one_mass(cells)[0], measurement)
-        self._by_stop = measurement.by_stop
-
-    def outcome(self, done: Counts | slice) -> Outcome:
-        """Return the outcome of cells that have ended."""
-        found = super().outcome(done)
-        of_stops = {name for name, index in INDICES.items() if self._by_stop and index.by_stop}
-        return {name: values[:, None] if name in of_stops else values for name, values in found.items()}
+def sweep(cells: SystemCells, measurement: Measurement) -> scalar.Sweep:
+    """Return what is shared of these cells by threads."""
+    return scalar.Sweep(as_one_mass(cells)[0], measurement)
 
 
 def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]:

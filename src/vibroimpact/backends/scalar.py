@@ -19,6 +19,7 @@ from vibroimpact.backends.base import (
     StroboscopicWindow,
     impacts_status,
     looks_status,
+    told_apart,
 )
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
@@ -142,7 +143,7 @@ class Sweep:
     """Cells that threads share, and what has become of them."""
 
     def __init__(self, cells: Cells, measurement: Measurement) -> None:
-        self.thorough = measurement.thorough
+        self.measurement, self.thorough = measurement, measurement.thorough
         self.cells = rows_of(cells)
         self.results = np.zeros((len(cells), len(THOROUGH if self.thorough else PLAIN)))
         self.ends = np.zeros(len(cells), dtype=np.int8)
@@ -163,7 +164,7 @@ class Sweep:
 
     def outcome(self, done: Counts | slice) -> Outcome:
         """Return the outcome of cells that have ended."""
-        return outcomes(self.results[done], self.ends[done], self.window)
+        return told_apart(outcomes(self.results[done], self.ends[done], self.window), self.measurement)
 
     def follow(self, run: _Run) -> None:
         """Measure the only cell, and record its run up to there, or to its own end."""

@@ -9,16 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from vibroimpact.cli import Interrupted, WrongRequest, files, output, refusing
+from vibroimpact.cli import files, output
 from vibroimpact.cli import schema as o
+from vibroimpact.cli.endings import Interrupted, WrongRequest, refusing
 from vibroimpact.cli.options import Option, Options, with_options
+from vibroimpact.cli.study import Study, name_of, span_values, study_of
 from vibroimpact.compiling import told_first
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibroimpact.cli.study import Study
 
 INITIAL_CONDITIONS = 200  # along an axis of basins that is not given
 
@@ -34,7 +35,7 @@ def simulate(options: Options) -> None:
       vibroimpact simulate -p w=0.9 --figure phase-portrait --out portrait.png
       vibroimpact simulate -p w=2.8 --periods 8 --out motion.gif
     """
-    study = options.study()
+    study = study_of(options)
     _motion("simulate", study, options)
     if options["out"] is None:
         from vibroimpact.report import motion_of
@@ -51,7 +52,7 @@ def section(options: Options) -> None:
       vibroimpact section -p omega=0.9
       vibroimpact section -p frequency=0.45 --kind stroboscopic --out poincare.png
     """
-    study = options.study()
+    study = study_of(options)
     _motion(f"{study.given.get('section', 'impact')}_section", study, options)
 
 
@@ -134,7 +135,7 @@ def parameter_map(options: Options) -> None:
 
 def _with_index(options: Options) -> Study:
     """Return the study of a sweep; the index that its figure shows is among those computed."""
-    study, index = options.study(), options["index"]
+    study, index = study_of(options), options["index"]
     from vibroimpact.indices import check_indices
 
     computed = study.given.get("indices", ())
@@ -159,7 +160,7 @@ def basins(options: Options) -> None:
       vibroimpact basins --x displacement=-3:0:200 --y velocity=-2:2:200
       vibroimpact basins --model two_sided_oscillator --stop left -o left.png
     """
-    study = options.study()
+    study = study_of(options)
     axes = _initial_conditions(study, options)
     if set(axes) - {"phase", "velocity"} and "phase" in study.given:
         axes["phase"] = study.given["phase"]
@@ -176,7 +177,6 @@ def _initial_conditions(study: Study, options: Options) -> dict[str, Any]:
     import numpy as np
 
     from vibroimpact.cells import FASTEST
-    from vibroimpact.cli.study import span_values
     from vibroimpact.parameters import Parameter
 
     axes: dict[str, Any] = {}
@@ -245,7 +245,7 @@ def describe(options: Options) -> None:
       vibroimpact describe -p omega=2.8
       vibroimpact describe study.toml --vary omega,gap --json
     """
-    study = options.study()
+    study = study_of(options)
     import vibroimpact
 
     with Meter("verdict", opening=study.tell) as meter, refusing():
@@ -273,7 +273,7 @@ def compare(options: Options) -> None:
       vibroimpact compare old.toml new.toml --out both.png
     """
     files = [options["first"], options["second"]]
-    first, second = (options.study(file) for file in files)
+    first, second = (study_of(options, file) for file in files)
     output.check_looks(options, (*output.FIGURE_ENDINGS, ".json"))
     import vibroimpact
 
@@ -306,8 +306,6 @@ def compare(options: Options) -> None:
 
 def _search(study: Study, options: Options) -> dict[str, Any]:
     """Return which parameters a verdict varies, and how far."""
-    from vibroimpact.cli.study import name_of
-
     chosen = options.given("within")
     if options["vary"] is not None:
         chosen["parameters"] = [name_of(study.model, name) for name in options.value("vary")]

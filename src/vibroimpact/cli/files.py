@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from vibroimpact.cli import REFUSALS, Interrupted, output, refusing
+from vibroimpact.cli import output
 from vibroimpact.cli import schema as o
+from vibroimpact.cli.endings import REFUSALS, Interrupted, refusing
 from vibroimpact.cli.options import FLAG, PATH, Option, Options, with_options
 from vibroimpact.parameters import printable
 from vibroimpact.progress import Meter

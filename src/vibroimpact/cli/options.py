@@ -1,4 +1,4 @@
-"""What an option of the command line is, a key of a study file too; what was typed, and the request that it makes."""
+"""What an option of the command line is, a key of a study file too; and what was typed."""
 
 from __future__ import annotations
 
@@ -7,14 +7,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass
 from inspect import Parameter, Signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from vibroimpact.cli import WrongRequest
-
-if TYPE_CHECKING:
-    from vibroimpact.cli.study import Study
+from vibroimpact.cli.endings import WrongRequest
 
 # Numbers arrive as text: the checks of the schema then name value, range and remedy.
 TEXT, TEXTS, FLAG, PATH = str | None, list[str] | None, bool, Path | None
@@ -106,12 +103,6 @@ class Options(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self._typed)
-
-    def study(self, file: Path | None = None) -> Study:
-        """Return the request that they make together with a study file."""
-        from vibroimpact.cli.study import read_study  # here, since --help needs none of it
-
-        return read_study(file or self.get("study"), self.changes(), self.get("model"))
 
     def with_values(self, **values: Any) -> Options:
         """Return a copy with other values of some options."""

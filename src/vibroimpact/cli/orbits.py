@@ -11,16 +11,17 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from vibroimpact.cli import Ended, WrongRequest, output, refusing
+from vibroimpact.cli import output
 from vibroimpact.cli import schema as o
+from vibroimpact.cli.endings import Ended, WrongRequest, refusing
 from vibroimpact.cli.options import Options, numbers, with_options
+from vibroimpact.cli.study import Study, study_of
 from vibroimpact.compiling import told_first
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibroimpact.cli.study import Study
     from vibroimpact.continuation import Boundaries, Branch
     from vibroimpact.model import Model
     from vibroimpact.orbits import Orbit, Orbits
@@ -47,7 +48,7 @@ def orbit(options: Options) -> None:
       vibroimpact orbit --model impact_damper --stops left --symmetric
       vibroimpact orbit --model idle_gear --stops left,right --near 0.005,0.015
     """
-    study = options.study()
+    study = study_of(options)
     output.check_looks(options, (".json",))
     began = perf_counter()
     with told_first(study.tell):
@@ -207,7 +208,7 @@ def follow(options: Options) -> None:
       vibroimpact continue -p w=0.9 --impacts 2 --x gap=-0.5:0.5
       vibroimpact continue --model impact_damper --stops left --symmetric --x frequency=25:35
     """
-    study = options.study()
+    study = study_of(options)
     ((parameter, span),) = _ranges(study, 1).items()
     output.check(options, "continue_orbit")
     if options["diagram"] and not output.is_figure(options):
@@ -318,7 +319,7 @@ def boundary(options: Options) -> None:
       vibroimpact boundary --x w=1:5 --y m=0.1:5 --over map.zarr -o plane.png
       vibroimpact boundary -p w=0.9 --impacts 2 --x w=0.6:1.1 --y r=0.5:0.9
     """
-    study = options.study()
+    study = study_of(options)
     of_orbits = options["near"] is not None or options.value("n_impacts") != 1
     box = _ranges(study, 2, contain=of_orbits)
     names, kinds = tuple(box), _kinds(options, study)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from vibroimpact.cli import Interrupted, WrongRequest, refusing
+from vibroimpact.cli.endings import Interrupted, WrongRequest, refusing
 from vibroimpact.cli.options import Options
 from vibroimpact.figures import EXPONENTS, KINDS, MOTION, kind_of_index, kinds_of
 from vibroimpact.parameters import choice

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from vibroimpact import figures, indices
-from vibroimpact.cli import WrongRequest
+from vibroimpact.cli.endings import WrongRequest
 from vibroimpact.cli.options import FLAG, PATH, TEXTS, Key, Option, number, numbers, words
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import choice, invalid, phase_number, positive_number, real_number, whole_number

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vibroimpact.beside import compile_beside
-from vibroimpact.cli import refusing
+from vibroimpact.cli.endings import refusing
+from vibroimpact.cli.options import Options
 from vibroimpact.cli.schema import ENDS, TABLES
 from vibroimpact.cli.units import has_unit, left_dimensionless, without_unit
 from vibroimpact.model import Model, State
@@ -71,8 +72,9 @@ class Study:
         return given
 
 
-def read_study(path: Path | None, changes: Mapping[str, Mapping[str, Any]], model: str | None = None) -> Study:
-    """Return the request that a study file, or none, and the options of a command make together."""
+def study_of(options: Options, file: Path | None = None) -> Study:
+    """Return the request that the options of a command make, together with a study file if there is one."""
+    path, changes, model = file or options.get("study"), options.changes(), options.get("model")
     with refusing(OSError):
         document = {} if path is None else _load(path)
         if model is not None:

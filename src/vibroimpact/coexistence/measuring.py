@@ -87,9 +87,7 @@ def orbit_cells(osc: ImpactOscillator | ImpactSystem) -> list[Cells]:
 
 def orbit_cell(osc: ImpactOscillator | ImpactSystem, orbit: Any) -> Cells:
     """Return the cell of a design that starts on one of its orbits."""
-    if isinstance(osc, ImpactSystem):
-        return carried(osc, orbit.start)
-    return Start(0.0, orbit.velocities[0], orbit.phases[0]).cell(osc)
+    return carried(osc, orbit.start)
 
 
 def carried(osc: Any, start: State) -> Cells:

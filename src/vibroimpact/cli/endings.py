@@ -1,0 +1,46 @@
+"""How a command ends early: its exit code, and one line that says why."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+FAILED, WRONG_REQUEST, INTERRUPTED = 1, 2, 130
+
+
+class Ended(Exception):
+    """A command ended early; the message says why, in one line."""
+
+    code = FAILED
+
+
+class WrongRequest(Ended):
+    """The request cannot be carried out; nothing has been touched."""
+
+    code = WRONG_REQUEST
+
+
+class Interrupted(Ended):
+    """Ctrl-C stopped a computation; the message says what was kept."""
+
+    code = INTERRUPTED
+
+
+# how an input or a place is refused; a full disk, say, is another OSError
+REFUSALS = (FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
+
+
+@contextmanager
+def refusing(*errors: type[OSError]) -> Iterator[None]:
+    """Turn refused arguments, a missing extra, and these errors into a `WrongRequest`; anything else is a failure."""
+    try:
+        yield
+    except ImportError as error:
+        if "vibroimpact[" not in str(error):  # an import of a user's model, say
+            raise
+        raise WrongRequest(str(error)) from error
+    except errors as error:
+        raise WrongRequest(error.strerror or str(error)) from error
+    except ValueError as error:
+        # This package's refusals name an argument, in backticks, or choices; errors of libraries hardly ever do.
+        if "`" not in str(error) and not str(error).startswith("unknown "):
+            raise
+        raise WrongRequest(str(error)) from error
