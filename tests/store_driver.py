@@ -15,11 +15,10 @@ import numpy as np
 import xarray as xr
 
 import vibroimpact as vi
-from vibroimpact import execution
 from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.backends.cpu import CpuBackend
 from vibroimpact.cli import main
-from vibroimpact.execution import layout, threads
+from vibroimpact.execution import base, layout, threads
 from vibroimpact.execution.layout import StoreBusy
 from vibroimpact.execution.store import SweepStore
 from vibroimpact.request import Request
@@ -94,7 +93,7 @@ REFINED = {"omega": np.linspace(1.5, 3.5, 13), "mass": np.linspace(0.5, 1.5, 13)
 
 def refined(store, **options):
     """Refine a plane into a store, kept in chunks of a hundred cells; return it."""
-    execution.LISTED = 100
+    base.LISTED = 100
     return vi.parameter_map(OSC, refine=2, store=store, **{"workers": 2} | REFINED | options)
 
 

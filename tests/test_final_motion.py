@@ -8,6 +8,7 @@ from designs import RESTS, TRANSIENTS, random_oscillator
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.coexistence.final import WATCHED, final_motion, irregular, rests
 from vibroimpact.coexistence.measuring import PAPER, Runner
+from vibroimpact.indices import INDICES
 from vibroimpact.recognition import recognise
 
 SEEN = ImpactWindow(1000, 400)
@@ -56,7 +57,7 @@ def test_chaos_that_lasts_is_watched_for_1e5_impacts_and_keeps_the_indices_of_a_
     found = final(osc)
     assert (found.measured.name, found.before) == ("chaotic", None)
     assert found.watched >= WATCHED
-    assert found.measured.indices == RUNNER.measure(osc.cells({}))[0].indices
+    assert found.measured.indices == RUNNER.measure(osc.cells({}), names=tuple(INDICES))[0].indices
 
 
 @pytest.mark.parametrize("hardest", RESTS)

@@ -217,7 +217,7 @@ def test_a_sweep_stopped_on_its_first_cells_says_which_are_missing():
 @pytest.mark.long
 def test_memory_is_that_of_the_picture_and_little_more(monkeypatch):
     for place, number in (
-        ("execution.LISTED", 256),
+        ("execution.base.LISTED", 256),
         ("execution.threads.SHARE", 256),
         ("refinement.picture.BAND", 8),
     ):

@@ -10,7 +10,8 @@ from systems import one_mass, two_masses
 from test_system_basins import two_masses as random_masses
 from vibroimpact import models
 from vibroimpact.dataset import model_of
-from vibroimpact.kernels.systems.series import SIZE, trough
+from vibroimpact.kernels.systems.series import SIZE
+from vibroimpact.kernels.systems.trough import trough
 from vibroimpact.motion import motion_name
 from vibroimpact.report import sentences_of
 
