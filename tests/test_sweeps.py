@@ -48,7 +48,8 @@ def test_three_axes_are_as_good_as_two(whole):
 def test_told_apart_by_stop_a_map_of_one_mass_is_that_of_its_only_stop(backend):
     axes = {"omega": OMEGA[:: 1 if backend == "cpu" else 9], "mass": [1.0]}
     plain, apart = (sweep(backend=backend, by_stop=by_stop, **axes) for by_stop in (False, True))
-    assert apart["std"].dims == ("omega", "mass", "stop") and apart["stop"].values.tolist() == ["stop"]
+    assert apart["std"].dims == ("omega", "mass", "stop")
+    assert apart["stop"].values.tolist() == ["stop"]
     assert same(plain, apart.isel(stop=0))
 
 

@@ -360,13 +360,9 @@ def test_indices_by_stop_are_stored_with_their_stops(tmp_path):
     xr.testing.assert_equal(vi.load(tmp_path / "run.nc")["std"], plain["std"])
 
 
-@pytest.mark.parametrize(
-    ("model", "further", "says"),
-    [(vi.ImpactOscillator(), {}, "an oscillator has one"), (models.tube_in_supports(), {"refine": 1}, "`refine`")],
-)
-def test_stops_are_told_apart_where_there_are_several(model, further, says):
-    with pytest.raises(ValueError, match=says):
-        vi.parameter_map(model, omega=[1.0, 2.0], by_stop=True, **further)
+def test_indices_by_stop_are_not_refined():
+    with pytest.raises(ValueError, match="`refine`"):
+        vi.parameter_map(models.tube_in_supports(), omega=[1.0, 2.0], by_stop=True, refine=1)
 
 
 def test_the_share_of_time_at_rest_is_that_of_the_rests():
