@@ -14,8 +14,8 @@ from vibroimpact import models
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow
 from vibroimpact.coexistence.attractor import distinct_names
 from vibroimpact.coexistence.measuring import Runner
+from vibroimpact.model.oscillator import PARAMETERS
 from vibroimpact.motion import motion_name, refined
-from vibroimpact.oscillator import PARAMETERS
 from vibroimpact.verdict import Verdict, describe
 from vibroimpact.verdict.advice import advise
 from vibroimpact.verdict.present import coexisting_motions, present_motion

@@ -14,10 +14,10 @@ from vibroimpact.coexistence.attractor import SAME, clusters, distinct_names, sa
 from vibroimpact.coexistence.final import final_motion
 from vibroimpact.coexistence.measuring import Runner, cells_of
 from vibroimpact.motion import Motion
+from vibroimpact.motion.recognition import recognise
 from vibroimpact.orbits import find_orbit, same_orbit
 from vibroimpact.orbits.orbit import Impacts
 from vibroimpact.orbits.sticking import find_sticking_orbit
-from vibroimpact.recognition import recognise
 from vibroimpact.status import Status
 
 TWO = vi.ImpactOscillator(omega=3.0)  # a cycle and a sticking orbit

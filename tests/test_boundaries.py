@@ -14,9 +14,9 @@ from vibroimpact.continuation import (
     switch_branch,
 )
 from vibroimpact.files import load, save
+from vibroimpact.motion.recognition import recognise
 from vibroimpact.orbits import find_orbit
 from vibroimpact.orbits.sticking import end_of_sticking
-from vibroimpact.recognition import recognise
 
 PLANES = {  # the second axis of the paper's maps; omega is the first
     "mass": (0.1, 5.0),

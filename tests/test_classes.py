@@ -7,10 +7,10 @@ import pytest
 import xarray as xr
 
 import vibroimpact as vi
-from vibroimpact.classes import classify
 from vibroimpact.dataset import provenance, status_variable, variable
 from vibroimpact.motion import CERTAIN_GROWTH, MotionClass
-from vibroimpact.recognition import recognise
+from vibroimpact.motion.classes import classify
+from vibroimpact.motion.recognition import recognise
 
 OSC = vi.ImpactOscillator()
 CYCLES = ("lyapunov_per_impact", "n_periods", "n_impacts")

@@ -11,7 +11,8 @@ import sys
 import pytest
 
 import vibroimpact as vi
-from vibroimpact import formats, parameters
+from vibroimpact import parameters
+from vibroimpact.files import formats
 from vibroimpact.progress import Meter
 
 

@@ -10,9 +10,9 @@ import pytest
 import xarray as xr
 
 import vibroimpact as vi
-from vibroimpact.classes import NEEDED
 from vibroimpact.cli import compute
 from vibroimpact.dataset import bundle, unbundle
+from vibroimpact.motion.classes import NEEDED
 from vibroimpact.progress import Meter
 
 PLANE = "--x omega=2.5:2.8 --y restitution=0.7:0.9 --lines 2 --step 0.05 --periods 1"

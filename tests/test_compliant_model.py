@@ -8,7 +8,7 @@ import pytest
 
 import vibroimpact as vi
 from vibroimpact.contact import hunt_crossley
-from vibroimpact.elements import BLOCKS, KINDS, NUMBERS, bars
+from vibroimpact.model.elements import BLOCKS, KINDS, NUMBERS, bars
 
 
 def spring(**changes):

@@ -7,8 +7,8 @@ import pytest
 
 import vibroimpact as vi
 from vibroimpact.continuation import continue_orbit, switch_branch
+from vibroimpact.motion.recognition import recognise
 from vibroimpact.orbits import Orbit, find_orbit
-from vibroimpact.recognition import recognise
 
 
 def first(omega=2.0, n_impacts=1, **changes):

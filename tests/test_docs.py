@@ -1,5 +1,6 @@
 """The documentation says what the code does: tables, numbers, examples, links."""
 
+import ast
 import doctest
 import importlib
 import json
@@ -43,6 +44,26 @@ def named(page):
 
 def with_examples(pages):
     return [page for page in pages if any(">>> " in block for block in blocks(page, "python"))]
+
+
+def handed_out(node):
+    """Return the names in the types of what a function returns, or a class has for public attributes."""
+    parts = [node] if isinstance(node, ast.FunctionDef) else node.body
+    types = [part.returns for part in parts if isinstance(part, ast.FunctionDef) and part.name[0] != "_"]
+    types += [part.annotation for part in parts if isinstance(part, ast.AnnAssign) and part.target.id[0] != "_"]
+    return {name for kind in types if kind for name in re.findall(r"\w+", ast.unparse(kind))}
+
+
+def test_every_class_that_a_user_receives_has_a_page():
+    """All but the tables of cells, which back ends read."""
+    trees = [ast.parse(file.read_text()) for file in (ROOT / "src" / "vibroimpact").rglob("*.py")]
+    defined = {node.name: node for tree in trees for node in tree.body if hasattr(node, "name")}
+    pages = re.findall(
+        r"^   vibroimpact\.(?:\w+\.)*(\w+)$", "\n".join(page.read_text() for page in API.glob("*.md")), re.M
+    )
+    received = {name for page in pages if page in defined for name in handed_out(defined[page])}
+    classes = {name for name in received if isinstance(defined.get(name), ast.ClassDef) and name[0] != "_"}
+    assert classes - set(pages) <= {"Cells", "SystemCells"}
 
 
 @pytest.mark.long

@@ -13,7 +13,7 @@ from vibroimpact.explorer.point import Other
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import View
 from vibroimpact.model import State
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.model.oscillator import ImpactOscillator
 
 MOVED = View(
     osc=ImpactOscillator(omega=2.5, damping=3.0, gap=-0.1), x="gap", y="restitution", x_range=(-1.0, 0.0),

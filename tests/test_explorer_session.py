@@ -24,8 +24,8 @@ from vibroimpact.explorer.views import PlaneView, PointView, one_turn
 from vibroimpact.explorer.work import Pool, Urgency
 from vibroimpact.indices import INDICES
 from vibroimpact.model import State
+from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.motion import MotionClass
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.plotting.style import BOUNDARY_COLORS, STICKING
 
 TUBE = ImpactOscillator(

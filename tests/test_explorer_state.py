@@ -14,7 +14,7 @@ from vibroimpact.explorer.address import BY_NAME, LONGEST, PRESETS, case_of, fro
 from vibroimpact.explorer.limits import least_width, stiffness, with_ranges
 from vibroimpact.explorer.state import CASES, SAMPLES, SHOWN, View, rounded
 from vibroimpact.model import State
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.model.oscillator import ImpactOscillator
 
 NAMES = tuple(ImpactOscillator().values)
 OF_SYSTEMS = ("model", "coordinate", "stop")  # parts of a view that one mass with one stop has no choice of

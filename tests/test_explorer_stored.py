@@ -14,7 +14,7 @@ from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.shades import shades
 from vibroimpact.explorer.stored import open_study
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.model.oscillator import ImpactOscillator
 
 OMEGA, MASS = np.linspace(1.9, 2.1, 6), np.linspace(0.9, 1.1, 5)
 

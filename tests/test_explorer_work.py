@@ -21,7 +21,7 @@ from vibroimpact.explorer.point import find_others
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import View
 from vibroimpact.explorer.work import Clock, Pool, Urgency
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.model.oscillator import ImpactOscillator
 
 SMALL = View(x_range=(1.8, 2.2), y_range=(0.9, 1.1), samples=200)
 

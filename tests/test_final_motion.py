@@ -9,7 +9,7 @@ from vibroimpact.backends import ImpactWindow
 from vibroimpact.coexistence.final import WATCHED, final_motion, irregular, rests
 from vibroimpact.coexistence.measuring import PAPER, Runner
 from vibroimpact.indices import INDICES
-from vibroimpact.recognition import recognise
+from vibroimpact.motion.recognition import recognise
 
 SEEN = ImpactWindow(1000, 400)
 RUNNER = Runner()

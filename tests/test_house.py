@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from vibroimpact.backends import BACKENDS
-from vibroimpact.oscillator import PARAMETERS
+from vibroimpact.model.oscillator import PARAMETERS
 
 SOURCE = Path(__file__).parents[1] / "src" / "vibroimpact"
 FILES = {str(path.relative_to(SOURCE)): path.read_text(encoding="utf-8") for path in SOURCE.rglob("*.py")}
 # Where physics or a published study speaks of one oscillator by its seven numbers.
-PHYSICS = ("oscillator.py", "kernels/", "backends/reference/", "backends/fixed_step.py", "orbits/", "studies/")
+PHYSICS = ("model/oscillator.py", "kernels/", "backends/reference/", "backends/fixed_step.py", "orbits/", "studies/")
 
 
 def calls_of(name):
@@ -42,7 +42,9 @@ def test_one_verb_changes_a_state_and_two_loops_call_it():
 
 def test_the_machinery_names_no_list_of_parameters():
     naming = [
-        file for file, text in FILES.items() if re.search(r"from vibroimpact.oscillator import .*PARAMETERS", text)
+        file
+        for file, text in FILES.items()
+        if re.search(r"from vibroimpact.model.oscillator import .*PARAMETERS", text)
     ]
     assert [file for file in naming if not file.startswith(PHYSICS)] == []
 

@@ -15,7 +15,7 @@ from vibroimpact.kernels.advance import IMPACT, RELEASE, advance
 from vibroimpact.kernels.cell import Cell, prepare
 from vibroimpact.kernels.flight import flow
 from vibroimpact.kernels.law import saltation
-from vibroimpact.recognition import recognise
+from vibroimpact.motion.recognition import recognise
 
 ALL = tuple(INDICES)
 OSC = vi.ImpactOscillator()

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 import vibroimpact as vi
 from vibroimpact.dataset import impact_speed, provenance, status_variable, variable
 from vibroimpact.motion import Motion
-from vibroimpact.recognition import cycle_length, recognise
+from vibroimpact.motion.recognition import cycle_length, recognise
 from vibroimpact.status import Status
 
 OSC = vi.ImpactOscillator(omega=2.0 * np.pi)  # T = 1 s

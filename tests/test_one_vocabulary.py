@@ -20,7 +20,7 @@ from vibroimpact.coexistence.measuring import Runner
 from vibroimpact.explorer.point import compute_point
 from vibroimpact.explorer.state import View
 from vibroimpact.motion import MotionClass, decide, motion_name, refined
-from vibroimpact.recognition import recognise
+from vibroimpact.motion.recognition import recognise
 from vibroimpact.refinement.picture import motion_codes
 
 SAMPLES = {"transient_impacts": 500, "sample_impacts": 500}

@@ -13,10 +13,10 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 import vibroimpact as vi
-from vibroimpact.classes import motion_variable
 from vibroimpact.continuation import boundary_curves
 from vibroimpact.dataset import provenance, status_variable, variable
 from vibroimpact.motion import MotionClass
+from vibroimpact.motion.classes import motion_variable
 from vibroimpact.plotting import index_contour
 from vibroimpact.plotting.categories import COLORS, OTHER_PERIODIC, PALETTE, USUAL, name_colors
 from vibroimpact.plotting.continuation import boundaries

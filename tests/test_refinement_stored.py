@@ -14,7 +14,7 @@ import zarr
 import store_driver as driver
 import vibroimpact as vi
 from vibroimpact.execution.store import SweepStore
-from vibroimpact.guard import GuardedStore
+from vibroimpact.files.guard import GuardedStore
 
 NAMES = ("std", "lyapunov_per_impact", "n_periods", "n_impacts", "status", "level")
 

@@ -10,7 +10,7 @@ from designs import random_designs
 from systems import a_random_system, chain, changed, free_masses, on_springs, sticking, system, two_masses
 from vibroimpact.coexistence.measuring import Runner
 from vibroimpact.indices import INDICES as EVERY_INDEX
-from vibroimpact.scales import scale_of
+from vibroimpact.model.scales import scale_of
 from vibroimpact.verdict.boundaries import nearest_boundaries
 from vibroimpact.verdict.present import present_motion
 from vibroimpact.verdict.ranges import range_of

@@ -9,8 +9,8 @@ import vibroimpact as vi
 from designs import RESTS
 from vibroimpact.coexistence.measuring import AT_REST, Runner, cells_of
 from vibroimpact.continuation import continue_boundary
+from vibroimpact.motion.recognition import recognise
 from vibroimpact.orbits.sticking import closes, end_of_sticking, find_sticking_orbit, from_release, scaling_exponent
-from vibroimpact.recognition import recognise
 
 # The end of sticking of the default oscillator, by bisection with closed-form flights in 45 digits.
 END = 0.34718041326569632613

@@ -10,11 +10,11 @@ from codes import Engine, differences, later
 from designs import RESTS
 from systems import beside_its_centre, between_stops, chain, free_masses, one_mass, sticking, system
 from test_system_orbits import bouncing_ball
-from vibroimpact.backends.system_carry import Carrier
+from vibroimpact.backends.modal.carry import Carrier
 from vibroimpact.contact import hunt_crossley, piecewise
+from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.motion import MotionClass, decide
 from vibroimpact.options import Tolerances
-from vibroimpact.oscillator import ImpactOscillator
 
 pytestmark = pytest.mark.usefixtures("modal_engine")
 

@@ -6,8 +6,8 @@ from scipy.linalg import expm
 
 import vibroimpact as vi
 from systems import a_random_system
-from vibroimpact.backends.system_rows import in_steps, steps_of
-from vibroimpact.backends.systems import layout_for
+from vibroimpact.backends.modal.rows import in_steps, steps_of
+from vibroimpact.backends.modal.sweep import layout_for
 from vibroimpact.kernels.systems.layout import OPEN, STRUCK
 from vibroimpact.kernels.systems.leap import FAR, HALF, LEAPS, WHOLE, leap, leap_far, look
 

@@ -5,8 +5,8 @@ import pytest
 
 import vibroimpact as vi
 from systems import linear, one_mass, sticking
+from vibroimpact.backends.modal.carry import Carrier
 from vibroimpact.backends.reference.systems import follow
-from vibroimpact.backends.system_carry import Carrier
 from vibroimpact.options import Tolerances
 
 pytestmark = pytest.mark.usefixtures("modal_engine")

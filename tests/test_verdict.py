@@ -16,9 +16,9 @@ from vibroimpact.coexistence import attractors
 from vibroimpact.coexistence.measuring import Runner, Start, cells_of
 from vibroimpact.continuation import continue_orbit
 from vibroimpact.indices import INDICES
-from vibroimpact.oscillator import PARAMETERS
+from vibroimpact.model.oscillator import PARAMETERS
+from vibroimpact.motion.recognition import recognise
 from vibroimpact.plotting import comparison_figure
-from vibroimpact.recognition import recognise
 from vibroimpact.verdict import compare, describe
 from vibroimpact.verdict.advice import Advice
 from vibroimpact.verdict.changes import advice_words, edge_words

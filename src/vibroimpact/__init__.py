@@ -7,41 +7,41 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from vibroimpact import contact, models, plotting
-    from vibroimpact.classes import classify
     from vibroimpact.coexistence import attractors, basins
     from vibroimpact.continuation import boundary_curves, continue_boundary, continue_orbit, switch_branch
     from vibroimpact.diagrams import bifurcation_diagram
     from vibroimpact.explorer.notebook import explore
     from vibroimpact.families import family
     from vibroimpact.model import State
+    from vibroimpact.model.oscillator import ImpactOscillator
+    from vibroimpact.model.stops import Force, Stop
+    from vibroimpact.model.system import ImpactSystem
+    from vibroimpact.motion.classes import classify
+    from vibroimpact.motion.recognition import recognise
     from vibroimpact.options import Tolerances
     from vibroimpact.orbits import Orbit, find_orbit
     from vibroimpact.orbits.sticking import end_of_sticking
-    from vibroimpact.oscillator import ImpactOscillator
-    from vibroimpact.recognition import recognise
     from vibroimpact.refinement import to_uniform
     from vibroimpact.sections import impact_map, impact_section, simulate, stroboscopic_section
-    from vibroimpact.stops import Force, Stop
     from vibroimpact.sweeps import parameter_map, refined_map
-    from vibroimpact.system import ImpactSystem
     from vibroimpact.verdict.compare import compare
     from vibroimpact.verdict.describe import describe
 
 # Names are handed on when first used, so that importing vibroimpact costs nothing.
 _NAMES = {
     "model": "State",
-    "oscillator": "ImpactOscillator",
-    "system": "ImpactSystem",
-    "stops": "Force Stop",
+    "model.oscillator": "ImpactOscillator",
+    "model.system": "ImpactSystem",
+    "model.stops": "Force Stop",
     "options": "Tolerances",
     "families": "family",
     "sections": "impact_map simulate impact_section stroboscopic_section",
     "status": "Status",
-    "recognition": "recognise",
+    "motion.recognition": "recognise",
     "diagrams": "bifurcation_diagram",
     "sweeps": "parameter_map refined_map",
     "refinement": "to_uniform",
-    "classes": "classify",
+    "motion.classes": "classify",
     "orbits": "Orbit find_orbit",
     "orbits.sticking": "end_of_sticking",
     "continuation": "continue_orbit switch_branch continue_boundary boundary_curves",

@@ -15,7 +15,7 @@ from vibroimpact.parameters import invalid
 
 if TYPE_CHECKING:
     from vibroimpact.model import State
-    from vibroimpact.oscillator import ImpactOscillator
+    from vibroimpact.model.oscillator import ImpactOscillator
 
 Floats = NDArray[np.float64]
 

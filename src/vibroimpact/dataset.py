@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.cells import FASTEST
-from vibroimpact.elements import REPORTS
 from vibroimpact.indices import EVERY
 from vibroimpact.model import Model, State
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.model.elements import REPORTS
+from vibroimpact.model.oscillator import ImpactOscillator
+from vibroimpact.model.stops import Force, Stop
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.parameters import Parameter
 from vibroimpact.status import Status
-from vibroimpact.stops import Force, Stop
-from vibroimpact.system import ImpactSystem
 
 if TYPE_CHECKING:
     import xarray as xr

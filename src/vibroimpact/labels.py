@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.dataset import dataset_of, impact_speed, plain_variable, status_variable, variable
-from vibroimpact.elements import REPORTS, Element
+from vibroimpact.model.elements import REPORTS, Element
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibroimpact.system import ImpactSystem
+    from vibroimpact.model.system import ImpactSystem
 
 Seconds = Callable[[Any, Any], Any]  # of whole driving periods and phases
 

@@ -10,7 +10,7 @@ from vibroimpact.backends.base import Backend, ImpactWindow, Measurement, Sample
 from vibroimpact.cells import Cells
 from vibroimpact.indices import FORCES, INDICES
 from vibroimpact.model import Model
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.parameters import unknown
 
 __all__ = [

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from vibroimpact.cells import Cells
 from vibroimpact.indices import FORCES, INDICES, VELOCITY_INDICES
+from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
-from vibroimpact.system_cells import SystemCells
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]

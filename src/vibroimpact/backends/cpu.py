@@ -12,7 +12,7 @@ from vibroimpact.backends.base import Backend, Counts, Measurement, Outcome, Sam
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
 from vibroimpact.kernels.vectors import LANES
-from vibroimpact.system_cells import SystemCells
+from vibroimpact.model.system_cells import SystemCells
 
 
 class CpuBackend(Backend):
@@ -53,10 +53,11 @@ class CpuBackend(Backend):
         """Return the samples that the window takes of each cell."""
         if not isinstance(cells, SystemCells):
             return scalar.samples(cells, measurement)
-        from vibroimpact.backends import one_mass, system_samples
+        from vibroimpact.backends import one_mass
+        from vibroimpact.backends.modal import samples
 
         found, alone = np.empty(len(cells), object), one_mass.served(cells, measurement)
-        for rows, engine in (alone, one_mass.samples), (~alone, system_samples.samples):
+        for rows, engine in (alone, one_mass.samples), (~alone, samples.samples):
             if rows.any():
                 found[rows] = engine(cells[rows], measurement)
         return found.tolist()
@@ -73,10 +74,11 @@ def _sweeps(cells: Cells, measurement: Measurement) -> Iterator[tuple[Counts, An
     if not isinstance(cells, SystemCells):
         yield np.arange(len(cells)), scalar.Sweep(cells, measurement)
         return
-    from vibroimpact.backends import one_mass, systems  # compiled when it is first asked
+    from vibroimpact.backends import one_mass  # compiled when it is first asked
+    from vibroimpact.backends.modal.sweep import SystemSweep
 
     alone = one_mass.served(cells, measurement)
-    for rows, engine in (alone, one_mass.sweep), (~alone, systems.SystemSweep):
+    for rows, engine in (alone, one_mass.sweep), (~alone, SystemSweep):
         if rows.any():
             yield np.flatnonzero(rows), engine(cells[rows], measurement)
 

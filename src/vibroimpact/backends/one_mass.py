@@ -25,9 +25,9 @@ from vibroimpact.backends.base import (
     energy_loss,
 )
 from vibroimpact.cells import Cells
-from vibroimpact.elements import BLOCKS
 from vibroimpact.indices import INDICES
-from vibroimpact.system_cells import SystemCells
+from vibroimpact.model.elements import BLOCKS
+from vibroimpact.model.system_cells import SystemCells
 
 BELOW_ONE = np.nextafter(1.0, 0.0)
 ROUNDING = 1e-15  # of the lengths that a clearance is the difference of

@@ -179,7 +179,7 @@ def is_store(options: Mapping[str, Any]) -> bool:
 
 def store_exists(options: Mapping[str, Any]) -> bool:
     """Return whether there is a stored map, of this study or another, that may not be overwritten."""
-    from vibroimpact.guard import RECORDS
+    from vibroimpact.files.guard import RECORDS
 
     if options["overwrite"] or not (options["out"] / RECORDS).exists():
         return False

@@ -18,8 +18,8 @@ from vibroimpact.cli.options import Options
 from vibroimpact.cli.schema import ENDS, TABLES
 from vibroimpact.cli.units import has_unit, left_dimensionless, without_unit
 from vibroimpact.model import Model, State
+from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.options import Tolerances
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, invalid, unknown, whole_number
 
 if TYPE_CHECKING:

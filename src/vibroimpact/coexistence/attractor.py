@@ -21,12 +21,12 @@ from vibroimpact.coexistence.final import release_phase, released
 from vibroimpact.coexistence.measuring import AT_REST, QUIET, Measured, Runner
 from vibroimpact.coexistence.settling import Settled, chaotic_groups, clusters
 from vibroimpact.model import State
+from vibroimpact.model.oscillator import ImpactOscillator
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.orbits.orbit import Impacts, same_orbit
 from vibroimpact.orbits.systems import SystemOrbit
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.status import Status
-from vibroimpact.system import ImpactSystem
 
 SAME = 1e-6  # `orbit_distance` between cycles that are one
 # Gaps that part groups of cycles, beyond what the way to go (1e-10 V) leaves.

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import ROUNDING, closed
-from vibroimpact.modal import ModalForm
-from vibroimpact.oscillator import ImpactOscillator
-from vibroimpact.system import ImpactSystem
+from vibroimpact.model.modal import ModalForm
+from vibroimpact.model.oscillator import ImpactOscillator
+from vibroimpact.model.system import ImpactSystem
 
 APART = ROUNDING**0.5  # half of the digits: of unit vectors, a smaller product is 0
 

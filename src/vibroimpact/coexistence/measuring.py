@@ -17,14 +17,14 @@ from vibroimpact.backends.scalar import expected_steps, outlast
 from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State
+from vibroimpact.model.oscillator import ImpactOscillator
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import Motion, MotionClass, decide
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.search import stable_orbits
 from vibroimpact.orbits.sticking import CREST
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import invalid
 from vibroimpact.status import Status
-from vibroimpact.system import ImpactSystem
 
 SPREAD = 256  # initial conditions where none are given
 KNOWN_PERIODS = 16  # of orbits with one impact that are tried besides

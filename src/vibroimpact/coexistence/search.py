@@ -20,14 +20,14 @@ from vibroimpact.coexistence.settling import Settled, last_round, outlook_from, 
 from vibroimpact.dataset import dataset_of, flags, plain_variable, provenance, status_variable, variable
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State, check_model
+from vibroimpact.model.oscillator import ImpactOscillator
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import check_steps
 from vibroimpact.progress import Report, reporter
 from vibroimpact.request import COSTLY
 from vibroimpact.status import Status
-from vibroimpact.system import ImpactSystem
 
 if TYPE_CHECKING:
     import xarray as xr

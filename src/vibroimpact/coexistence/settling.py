@@ -31,10 +31,10 @@ from vibroimpact.coexistence.losses import attracts, driven, lasting_stops, rest
 from vibroimpact.coexistence.measuring import Measured, Runner, identifying, named
 from vibroimpact.indices import INDICES
 from vibroimpact.matrices import ROUNDING
+from vibroimpact.model.oscillator import ImpactOscillator
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import MotionClass, decide, may_wind
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.status import Status
-from vibroimpact.system import ImpactSystem
 
 ROUNDS = 3
 LONGER = 4  # how much each round is longer than the one before

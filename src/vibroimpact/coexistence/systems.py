@@ -27,12 +27,12 @@ from vibroimpact.backends.base import Counts, Floats, SystemSamples
 from vibroimpact.coexistence.measuring import Runner, carried
 from vibroimpact.coexistence.settling import Settled
 from vibroimpact.model import Model, State
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits.orbit import Impacts, same_orbit
 from vibroimpact.orbits.systems import SystemOrbit, ended, find_near
 from vibroimpact.orbits.systems.orbit import cycle_of
 from vibroimpact.status import Status
-from vibroimpact.system import ImpactSystem
 
 SAME = 1e-6  # ten times how near a state must come back; of phases as points of the unit circle, and of the hardest hit
 FARTHEST = 1e-3  # of those: so far from a cycle its derivative says little

@@ -16,9 +16,9 @@ from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import check_share
 from vibroimpact.continuation.points import Point, Solution
 from vibroimpact.continuation.results import BifurcationPoint
+from vibroimpact.model.scales import scale_of
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.parameters import invalid
-from vibroimpact.scales import scale_of
 
 HALVINGS = 12  # of a step, in search of what happens inside
 TRIES = 12  # of an amplitude, halved each time
@@ -133,7 +133,7 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
     --------
     >>> from vibroimpact.continuation import continue_orbit
     >>> from vibroimpact.orbits import find_orbit
-    >>> from vibroimpact.oscillator import ImpactOscillator
+    >>> from vibroimpact.model.oscillator import ImpactOscillator
     >>> (orbit,) = find_orbit(ImpactOscillator(omega=2.6))
     >>> branch = continue_orbit(orbit, "omega", (2.5, 2.7))
     >>> doubled = switch_branch(branch.special[0])

@@ -101,7 +101,7 @@ def continue_boundary(
     --------
     >>> from vibroimpact.continuation import continue_orbit
     >>> from vibroimpact.orbits import find_orbit
-    >>> from vibroimpact.oscillator import ImpactOscillator
+    >>> from vibroimpact.model.oscillator import ImpactOscillator
     >>> (orbit,) = find_orbit(ImpactOscillator(omega=2.6))
     >>> branch = continue_orbit(orbit, "omega", (2.5, 2.7))
     >>> curve = continue_boundary(branch.special[0], ("omega", "restitution"), ((2, 3), (0.5, 0.9)), step=0.05)

@@ -104,7 +104,7 @@ def continue_orbit(
     Examples
     --------
     >>> from vibroimpact.orbits import find_orbit
-    >>> from vibroimpact.oscillator import ImpactOscillator
+    >>> from vibroimpact.model.oscillator import ImpactOscillator
     >>> (orbit,) = find_orbit(ImpactOscillator(omega=2.5))
     >>> branch = continue_orbit(orbit, "omega", (2.0, 3.0), step=0.05)
     >>> [(point.kind, round(point.value, 9)) for point in branch.special]

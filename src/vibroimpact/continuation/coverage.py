@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
-from vibroimpact.classes import NEEDED, classify
 from vibroimpact.continuation.boundary import Plane
 from vibroimpact.continuation.branch import walk
 from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.results import BifurcationPoint, Boundary
 from vibroimpact.model import Model
 from vibroimpact.motion import MotionClass, listed, motion_name
+from vibroimpact.motion.classes import NEEDED, classify
 from vibroimpact.orbits import systems
 from vibroimpact.orbits.equations import Cycle, Floats
 from vibroimpact.orbits.orbit import Orbit, make_orbit

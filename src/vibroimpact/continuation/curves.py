@@ -20,11 +20,11 @@ from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary, 
 from vibroimpact.continuation.sticking import MOST
 from vibroimpact.dataset import bifurcation_name
 from vibroimpact.model import Model, check_model
+from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.motion import cycle_name, listed
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking import StickingEnd
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import choice, invalid, several, whole_number
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status

@@ -107,7 +107,7 @@ def follow_all(
 
     Examples
     --------
-    >>> from vibroimpact.oscillator import ImpactOscillator
+    >>> from vibroimpact.model.oscillator import ImpactOscillator
     >>> branches = follow_all(find_orbit(ImpactOscillator(omega=2.5)), "omega", (2.0, 2.7))
     >>> [(branch.orbits[0].name, branch.outcome) for branch in branches]
     [('period-1 impact-1', ('range', 'range')), ('period-2 impact-2', ('period_doubling', 'range'))]
@@ -174,7 +174,7 @@ def stable_windows(branches: Branch | Iterable[Branch]) -> list[Window]:
 
     Examples
     --------
-    >>> from vibroimpact.oscillator import ImpactOscillator
+    >>> from vibroimpact.model.oscillator import ImpactOscillator
     >>> (orbit,) = find_orbit(ImpactOscillator(omega=2.5))
     >>> (window,) = stable_windows(continue_orbit(orbit, "omega", (2.0, 3.0), step=0.05))
     >>> window.name, window.low, round(window.high, 9), window.ends

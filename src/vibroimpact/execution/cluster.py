@@ -172,7 +172,7 @@ def _arrays(store: str, mark: str, names: tuple[str, ...]) -> dict[str, Any]:
     """Return a store's arrays, opened once per run."""
     import zarr
 
-    from vibroimpact.guard import GuardedStore
+    from vibroimpact.files.guard import GuardedStore
 
     root: Any = zarr.open_group(GuardedStore(store, read_only=False), mode="r+", zarr_format=3)
     return {name: root[name] for name in names}

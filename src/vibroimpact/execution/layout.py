@@ -30,8 +30,8 @@ from vibroimpact.cells import Tiling
 from vibroimpact.dataset import level_variable, missing, plain_variable, status_variable, variable
 from vibroimpact.execution.base import cut
 from vibroimpact.files import scratch_beside
-from vibroimpact.formats import ORDER, order_of, with_texts
-from vibroimpact.guard import RECORDS, GuardedStore
+from vibroimpact.files.formats import ORDER, order_of, with_texts
+from vibroimpact.files.guard import RECORDS, GuardedStore
 from vibroimpact.parameters import check_fits
 from vibroimpact.request import Request, key_of
 from vibroimpact.status import Status

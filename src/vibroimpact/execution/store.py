@@ -39,8 +39,8 @@ from vibroimpact.execution.layout import (
     refined,
 )
 from vibroimpact.files import load_lazily, offered, sweep_up
-from vibroimpact.formats import ORDER
-from vibroimpact.guard import DESCRIPTION, RECORDS, GuardedStore
+from vibroimpact.files.formats import ORDER
+from vibroimpact.files.guard import DESCRIPTION, RECORDS, GuardedStore
 from vibroimpact.parameters import check_fits, invalid
 from vibroimpact.progress import Report, Stop
 from vibroimpact.request import Request, differences, key_of

@@ -13,7 +13,7 @@ from vibroimpact.explorer.limits import Range, parts_of
 from vibroimpact.explorer.models import Find, first_view, only_known, usual_range
 from vibroimpact.explorer.state import CHOICES, View, no_number, table
 from vibroimpact.model import Model, State
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.parameters import invalid, unknown
 
 LONGEST = 2000  # characters

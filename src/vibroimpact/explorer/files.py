@@ -14,13 +14,13 @@ import numpy as np
 
 import vibroimpact as vi
 from vibroimpact import figures
-from vibroimpact.classes import NEEDED
 from vibroimpact.explorer.address import to_query
 from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.plane import OTHERS, TRANSIENT, WORST, positions
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import View
 from vibroimpact.figures import MOTION
+from vibroimpact.motion.classes import NEEDED
 
 
 @dataclass(frozen=True)

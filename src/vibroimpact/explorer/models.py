@@ -10,7 +10,7 @@ from typing import Any
 from vibroimpact.explorer.limits import Range, allowed_range, near, with_axes
 from vibroimpact.explorer.state import View, table
 from vibroimpact.model import Model, check_model
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, printable
 
 Find = Callable[[str], Model]  # returns the model of a name in a link, or raises ValueError

@@ -14,7 +14,7 @@ from vibroimpact.explorer.limits import EDGE, PIN, Range, check_limits, checked_
 from vibroimpact.figures import MOTION
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, invalid, real_number
 
 SHOWN = (MOTION, *INDICES)

@@ -14,7 +14,6 @@ import numpy as np
 import xarray as xr
 
 from vibroimpact import models
-from vibroimpact.classes import NEEDED, classify
 from vibroimpact.dataset import model_of, variable
 from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.models import Find, opened_as
@@ -25,6 +24,7 @@ from vibroimpact.figures import MOTION
 from vibroimpact.files import load
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model
+from vibroimpact.motion.classes import NEEDED, classify
 from vibroimpact.parameters import Parameter, check_fits
 
 Stored = Callable[[View], Plane | None]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from vibroimpact.cells import Floats
+from vibroimpact.model.stops import Force, Stop
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.models.arguments import checked, count
 from vibroimpact.models.slots import slot
 from vibroimpact.parameters import radians
-from vibroimpact.stops import Force, Stop
-from vibroimpact.system import ImpactSystem
 
 
 @checked

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any, ParamSpec, TypeVar
 
 from vibroimpact.model import check_names
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, invalid, whole_number
 
 _Arguments = ParamSpec("_Arguments")

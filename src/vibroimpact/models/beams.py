@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from vibroimpact.model.stops import Force, Stop
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.models.arguments import checked, count, sharing
 from vibroimpact.models.beam_modes import beam_modes, moving_row
-from vibroimpact.stops import Force, Stop
-from vibroimpact.system import ImpactSystem
 
 _OF_BEAMS = r"""
 .. math:: E I w'''' + m' \ddot w + \mathrm{damping} = F \delta(x - x_F) \sin \omega t + m' a_0 \sin \omega t, \qquad

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
+from vibroimpact.model.oscillator import ImpactOscillator
+from vibroimpact.model.stops import Force, Stop
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.models.arguments import checked
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import critical_damping
-from vibroimpact.stops import Force, Stop
-from vibroimpact.system import ImpactSystem
 
 
 @checked

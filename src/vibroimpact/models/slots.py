@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from vibroimpact.stops import Stop
+from vibroimpact.model.stops import Stop
 
 
 def slot(

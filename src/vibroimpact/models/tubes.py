@@ -7,11 +7,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from vibroimpact.model.stops import Force, Stop
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.models.arguments import checked, count, sharing
 from vibroimpact.models.beam_modes import beam_modes, moving_row
 from vibroimpact.parameters import invalid
-from vibroimpact.stops import Force, Stop
-from vibroimpact.system import ImpactSystem
 
 _SIDES = {"upper": 1.0, "lower": -1.0}  # of a support
 _OF_TUBES = r"""

@@ -10,8 +10,8 @@ from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
 from vibroimpact.cells import cells_at
 from vibroimpact.kernels.cell import MOST
 from vibroimpact.kernels.flight import REACH
+from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.orbits.equations import SAME, TURN, Cycle, Flight, Floats, fastest_of, flight_of, parameters_of
-from vibroimpact.oscillator import ImpactOscillator
 
 ROUNDING = 1e-12  # of the orbit's size: the sign of a gap this small is undecided
 LOWEST = 3  # sampled near-misses that are looked at closely

@@ -45,8 +45,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.motion import cycle_name
-from vibroimpact.oscillator import ImpactOscillator
 
 Floats = NDArray[np.float64]
 Parameters = Sequence[float]  # m, c, k, f, w, r, g

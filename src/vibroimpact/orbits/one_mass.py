@@ -15,13 +15,13 @@ import numpy as np
 from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
 from vibroimpact.backends.scalar import outlast
 from vibroimpact.model import Model
+from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.orbits import newton
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
 from vibroimpact.orbits.found import Guess, Orbits, lost, ordered, other_name
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Impacts, Orbit, from_hardest, make_orbit, same_orbit, solution_of, true_cycle
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import invalid, real_number
 
 

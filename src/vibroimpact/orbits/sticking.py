@@ -35,12 +35,12 @@ from vibroimpact.kernels.advance import LOOK, TRACE
 from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.recorder import END, MEMORY, Recorder, begin, record
 from vibroimpact.model import Model, State
+from vibroimpact.model.oscillator import ImpactOscillator, the_oscillator
 from vibroimpact.motion import cycle_name
-from vibroimpact.neighbours import resolved
+from vibroimpact.motion.neighbours import resolved
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit, check_pair, family_of
-from vibroimpact.oscillator import ImpactOscillator, the_oscillator
 from vibroimpact.parameters import invalid, whole_number
 
 # Close to the end of sticking a chatter that is cut off early would hold a mass that flies on: impacts of 1e-12 V still

@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 import xarray as xr
 
-from vibroimpact.classes import NEEDED, classify
 from vibroimpact.motion import MotionClass, cycle_name
+from vibroimpact.motion.classes import NEEDED, classify
 from vibroimpact.parameters import counted
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.style import INK, STICKING, Layer, Mask

@@ -13,11 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch, Rectangle
 
-from vibroimpact.classes import NEEDED, classify
 from vibroimpact.dataset import model_from
 from vibroimpact.figures import check_size
 from vibroimpact.model import Model, State
 from vibroimpact.motion import motion_name, refined
+from vibroimpact.motion.classes import NEEDED, classify
 from vibroimpact.parameters import several
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.orbits import phase_portrait, time_history

@@ -11,9 +11,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from vibroimpact.classes import classify
 from vibroimpact.dataset import VARIABLES
 from vibroimpact.figures import EXPONENTS
+from vibroimpact.motion.classes import classify
 from vibroimpact.parameters import choice, counted
 from vibroimpact.plotting import cells, diagrams, labels, style
 from vibroimpact.plotting.categories import OPEN, motion_layers

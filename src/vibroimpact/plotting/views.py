@@ -12,10 +12,10 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicHermiteSpline
 
+from vibroimpact.model.stops import Stop
 from vibroimpact.parameters import choice, invalid, whole_number
 from vibroimpact.plotting import labels
 from vibroimpact.plotting.style import Floats, Mask
-from vibroimpact.stops import Stop
 
 SMOOTH = 200  # places of a moving stop per driving period, as of a motion by default
 PARALLEL = 1e-9  # of the size of a direction: what rounding may add to one that is a multiple of another

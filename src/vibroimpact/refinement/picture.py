@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.cells import Floats
-from vibroimpact.classes import NEEDED
 from vibroimpact.dataset import missing
 from vibroimpact.motion import MotionClass, decide, stored
+from vibroimpact.motion.classes import NEEDED
 from vibroimpact.request import Places
 from vibroimpact.status import Status
 

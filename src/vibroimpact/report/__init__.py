@@ -13,8 +13,8 @@ import numpy as np
 from vibroimpact.dataset import bifurcation_name, model_of, unbundle
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
 from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along
+from vibroimpact.motion.recognition import recognise, recurrence
 from vibroimpact.parameters import counted
-from vibroimpact.recognition import recognise, recurrence
 from vibroimpact.report.quantities import axis_range, initial_condition, quantity, spaced, span
 from vibroimpact.report.sweeps import diagram_sentences, map_sentences
 from vibroimpact.report.systems import coordinates, each_stop, system_sentence

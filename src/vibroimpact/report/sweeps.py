@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.classes import NEEDED, classify
 from vibroimpact.dataset import model_of
 from vibroimpact.indices import EVERY, ROUNDING, spread_scale
 from vibroimpact.motion import MotionClass, decide, may_wind, motion_name, refined
+from vibroimpact.motion.classes import NEEDED, classify
+from vibroimpact.motion.recognition import cycle_length, recurrence
 from vibroimpact.parameters import counted
-from vibroimpact.recognition import cycle_length, recurrence
 from vibroimpact.report.quantities import axis_range, initial_condition, quantity, spaced, span
 from vibroimpact.status import Status
 

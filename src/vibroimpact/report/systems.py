@@ -9,15 +9,15 @@ import numpy as np
 
 from vibroimpact.coexistence.losses import driven
 from vibroimpact.motion import cycle_name, listed
+from vibroimpact.motion.recognition import recurrence, system_cycle
 from vibroimpact.parameters import counted
-from vibroimpact.recognition import recurrence, system_cycle
 from vibroimpact.report.quantities import quantity
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibroimpact.system import ImpactSystem
+    from vibroimpact.model.system import ImpactSystem
 
 FEW = 4  # impacts of a cycle that are listed one by one
 STILL = 1e-9  # of the largest coordinate: one that moves less shows rounding

@@ -17,9 +17,9 @@ from vibroimpact.dataset import provenance
 from vibroimpact.labels import in_seconds, labelled_impacts
 from vibroimpact.model import Model, State
 from vibroimpact.motion import Motion, MotionClass
+from vibroimpact.motion.recognition import recognise
 from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
 from vibroimpact.orbits.orbit import Impacts, family_of
-from vibroimpact.recognition import recognise
 
 DEAREST = 1 << 29  # certified steps of one mass around a motion: five times those of the dearest of usual designs
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from

@@ -9,9 +9,9 @@ from itertools import pairwise
 from typing import Any
 
 from vibroimpact.model import Model, check_names
+from vibroimpact.model.scales import LIGHT, is_own_scale, scale_of
 from vibroimpact.orbits.orbit import value_of
 from vibroimpact.parameters import Parameter, invalid, several
-from vibroimpact.scales import LIGHT, is_own_scale, scale_of
 
 PLACES = 36  # values along a path, at least
 CROWDED = 1.5  # values along a path lie at (j/n)^1.5 of its way: a near boundary matters more than a far one

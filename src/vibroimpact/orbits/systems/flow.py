@@ -28,8 +28,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroimpact.cells import Floats
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event, Pushing
-from vibroimpact.system import ImpactSystem
 
 TERMS = 18  # 1/19! is below rounding
 KEPT = 64  # flights that are remembered: those of a cycle, while its equations are differentiated and its orbit made

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 
 from vibroimpact.cells import Floats
 from vibroimpact.model import Model, State
+from vibroimpact.model.stops import Stop
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.orbit import Orbit, family_of
@@ -21,8 +23,6 @@ from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.symmetry import mirror
-from vibroimpact.stops import Stop
-from vibroimpact.system import ImpactSystem
 
 
 class Rest(NamedTuple):

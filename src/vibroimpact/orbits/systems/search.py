@@ -12,7 +12,9 @@ import numpy as np
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.cells import Floats
 from vibroimpact.model import Model, State
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import cycle_name
+from vibroimpact.motion.recognition import cycle_length
 from vibroimpact.orbits import equations
 from vibroimpact.orbits.equations import SAME
 from vibroimpact.orbits.found import IMPACTS, NOTHING, Guess, Orbits, lost, numbers_of, ordered, other_name
@@ -27,8 +29,6 @@ from vibroimpact.orbits.systems.orbit import SystemOrbit, make_orbit
 from vibroimpact.orbits.systems.sticking import find_sticking
 from vibroimpact.orbits.systems.symmetry import mirror
 from vibroimpact.parameters import invalid
-from vibroimpact.recognition import cycle_length
-from vibroimpact.system import ImpactSystem
 
 # Impacts of the motion from rest before those that Newton's method starts from: the second, as in verdicts, where the
 # first end in no cycle yet.

@@ -17,9 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroimpact.backends import Measurement, StroboscopicWindow, get_backend
-from vibroimpact.backends.system_carry import Carrier
+from vibroimpact.backends.modal.carry import Carrier
 from vibroimpact.cells import Floats
 from vibroimpact.model import Model, State
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import SAME, TURN
@@ -31,7 +32,6 @@ from vibroimpact.orbits.systems.cycle import multipliers_of
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.orbit import Rest, SystemOrbit, at_rest, phases_of
 from vibroimpact.parameters import invalid
-from vibroimpact.system import ImpactSystem
 
 SETTLING = 1000  # driving periods from rest, before those that Newton's method starts from
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibroimpact.stops import Stop
-from vibroimpact.system import ImpactSystem
+from vibroimpact.model.stops import Stop
+from vibroimpact.model.system import ImpactSystem
 
 SAME = 1e-12  # relative: numbers nearer than this are equal
 
@@ -18,8 +18,8 @@ def mirror(system: ImpactSystem) -> tuple[tuple[int, ...], str]:
 
     Examples
     --------
-    >>> from vibroimpact.system import ImpactSystem
-    >>> from vibroimpact.stops import Force
+    >>> from vibroimpact.model.system import ImpactSystem
+    >>> from vibroimpact.model.stops import Force
     >>> stops = [Stop(direction=1, gap=0.5), Stop(direction=-1, gap=0.5)]
     >>> mirror(ImpactSystem(mass=1.0, stiffness=1.0, force=Force(omega=2.0, harmonics={1: 1.0}), stops=stops))
     ((1, 0), '')

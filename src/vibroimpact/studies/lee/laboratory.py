@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import vibroimpact as vi
 from vibroimpact.coexistence import Attractor
 from vibroimpact.motion import Motion, cycle_name
-from vibroimpact.recognition import cycle_length, recognise
+from vibroimpact.motion.recognition import cycle_length, recognise
 from vibroimpact.studies.lee.paper import INDICES, OSCILLATOR, TIME_STEP, TOP, WINDOW, Scale, frequencies, pair_of
 
 Floats = NDArray[np.float64]

@@ -13,12 +13,11 @@ import numpy as np
 
 from vibroimpact.by_value import ByValue
 from vibroimpact.cells import Floats
-from vibroimpact.elements import NUMBERS
 from vibroimpact.matrices import ROUNDING, matrices, nearest, table_of_modes
-from vibroimpact.modal import FREE, ModalForm, modal_form, velocity_scale
 from vibroimpact.model import State, check_names
-from vibroimpact.parameters import OF_ONE_MASS, Parameter, Scale, check_one, counted, invalid, radians
-from vibroimpact.stops import (
+from vibroimpact.model.elements import NUMBERS
+from vibroimpact.model.modal import FREE, ModalForm, modal_form, velocity_scale
+from vibroimpact.model.stops import (
     Force,
     Stop,
     check_force,
@@ -30,7 +29,8 @@ from vibroimpact.stops import (
     several_stops,
     warn_of_short_contacts,
 )
-from vibroimpact.system_cells import SystemCells
+from vibroimpact.model.system_cells import SystemCells
+from vibroimpact.parameters import OF_ONE_MASS, Parameter, Scale, check_one, counted, invalid, radians
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)

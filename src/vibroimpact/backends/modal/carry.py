@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from vibroimpact.backends.base import Floats
+from vibroimpact.backends.modal.rows import in_steps, steps_of
+from vibroimpact.backends.modal.sweep import layout_for, room_for
 from vibroimpact.backends.scalar import aligned
-from vibroimpact.backends.system_rows import in_steps, steps_of
-from vibroimpact.backends.systems import layout_for, room_for
 from vibroimpact.kernels.held import InMemory
 from vibroimpact.kernels.systems.walk import carry_over
 from vibroimpact.kernels.vectors import LANES
+from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.options import Tolerances
-from vibroimpact.system_cells import SystemCells
 
 STEPS = 100_000  # per driving period, at most: some tenths of a second
 

@@ -23,9 +23,9 @@ from vibroimpact.parameters import (
 
 if TYPE_CHECKING:
     from vibroimpact.cells import Cells, Floats
-    from vibroimpact.modal import ModalForm
-    from vibroimpact.stops import Stop
-    from vibroimpact.system import ImpactSystem
+    from vibroimpact.model.modal import ModalForm
+    from vibroimpact.model.stops import Stop
+    from vibroimpact.model.system import ImpactSystem
 
 _AS_SYSTEM = (
     "write ImpactSystem(mass=m, damping=c, stiffness=k, force=Force(omega=w, harmonics={1: f}), "
@@ -149,8 +149,8 @@ class ImpactOscillator:
     @cached_property
     def system(self) -> ImpactSystem:
         """The same machine as a system of one coordinate in front of one rigid stop."""
-        from vibroimpact.stops import Force, Stop
-        from vibroimpact.system import ImpactSystem
+        from vibroimpact.model.stops import Force, Stop
+        from vibroimpact.model.system import ImpactSystem
 
         force = Force(omega=self.omega, harmonics={1: self.amplitude})
         stop = Stop(direction=1.0, gap=self.gap, restitution=self.restitution, name=self.stop_names[0])

@@ -8,15 +8,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, SystemSamples
+from vibroimpact.backends.modal.rows import budgets_of, in_steps, steps_of
+from vibroimpact.backends.modal.sweep import alone_for, layout_for, noted, room_for
 from vibroimpact.backends.scalar import aligned, ended_as
-from vibroimpact.backends.system_rows import budgets_of, in_steps, steps_of
-from vibroimpact.backends.systems import alone_for, layout_for, noted, room_for
 from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.held import InMemory
 from vibroimpact.kernels.systems import march, walk
 from vibroimpact.kernels.vectors import LANES
+from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.status import Status, window_status
-from vibroimpact.system_cells import SystemCells
 
 _STEPS = 1 << 14  # of all lanes, before Python may be interrupted
 _ROOM = 4096  # rows of a buffer, which is emptied when it is full

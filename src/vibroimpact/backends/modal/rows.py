@@ -7,15 +7,15 @@ import math
 import numpy as np
 
 from vibroimpact.backends.base import Floats
-from vibroimpact.backends.system_leaps import prepare_leaps
+from vibroimpact.backends.modal.leaps import prepare_leaps
 from vibroimpact.contact import LAWS
-from vibroimpact.elements import BLOCKS
 from vibroimpact.kernels.cell import MOST
 from vibroimpact.kernels.restitution import address_of
 from vibroimpact.kernels.systems.layout import Layout
 from vibroimpact.kernels.systems.series import REACH
+from vibroimpact.model.elements import BLOCKS
+from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.options import Tolerances
-from vibroimpact.system_cells import SystemCells
 
 # By which power of a step's length a number is multiplied where time is counted in steps.
 _POWERS = {

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from vibroimpact.by_value import ByValue, written
 from vibroimpact.contact import Law
-from vibroimpact.elements import NUMBERS, Element, element_of
 from vibroimpact.matrices import ROUNDING, nearest, numbers
+from vibroimpact.model.elements import NUMBERS, Element, element_of
 from vibroimpact.parameters import (
     OF_ONE_MASS,
     SMALLEST,

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.oscillator import ImpactOscillator
+from vibroimpact.model.oscillator import ImpactOscillator
 
 UNRESOLVED = math.log(1e13)  # ln of the growth between two rests from which on rounding decides when the second comes
 

@@ -15,9 +15,9 @@ from vibroimpact.backends.base import (
     Measurement,
     Outcome,
 )
+from vibroimpact.backends.modal.leaps import slow_modes
+from vibroimpact.backends.modal.rows import budgets_of, in_steps, steps_of
 from vibroimpact.backends.scalar import aligned, statuses
-from vibroimpact.backends.system_leaps import slow_modes
-from vibroimpact.backends.system_rows import budgets_of, in_steps, steps_of
 from vibroimpact.indices import EVERY
 from vibroimpact.kernels.cell import FILLED
 from vibroimpact.kernels.held import InMemory
@@ -25,7 +25,7 @@ from vibroimpact.kernels.systems import closing, form, lanes, march
 from vibroimpact.kernels.systems.complementarity import Room
 from vibroimpact.kernels.systems.layout import Layout, layout_of
 from vibroimpact.kernels.vectors import LANES
-from vibroimpact.system_cells import SystemCells
+from vibroimpact.model.system_cells import SystemCells
 
 _LOOKS = 200  # at lanes, before Python asks whether to stop
 

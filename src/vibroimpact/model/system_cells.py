@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.cells import BEYOND, COUNTABLE, Cells, Floats, spread
-from vibroimpact.elements import BLOCKS, bars
 from vibroimpact.matrices import nearest
-from vibroimpact.modal import ModalForm, fastest_rates, speed_parts, steady_motions, velocity_scales
+from vibroimpact.model.elements import BLOCKS, bars
+from vibroimpact.model.modal import ModalForm, fastest_rates, speed_parts, steady_motions, velocity_scales
 from vibroimpact.parameters import hertz, radians
 
 if TYPE_CHECKING:
     from vibroimpact.model import State
-    from vibroimpact.system import ImpactSystem
+    from vibroimpact.model.system import ImpactSystem
 
 
 @dataclass(frozen=True)

@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import model_of, start_of
+from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.motion import Motion, MotionClass, decide, may_wind
-from vibroimpact.neighbours import resolved, separations
+from vibroimpact.motion.neighbours import resolved, separations
 from vibroimpact.options import Tolerances
-from vibroimpact.oscillator import ImpactOscillator
 from vibroimpact.parameters import invalid, real_number, whole_number
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibroimpact.system import ImpactSystem
+    from vibroimpact.model.system import ImpactSystem
 
 _NAMING = ("lyapunov_per_impact", "n_periods", "n_impacts")
 PERIODS_SAME = 1e-6  # driving periods: impacts so near to the end of a cycle are at it

@@ -17,7 +17,7 @@ from uuid import uuid4
 import numpy as np
 
 from vibroimpact.dataset import check_attributes
-from vibroimpact.formats import WRITERS, in_order, write_labels
+from vibroimpact.files.formats import WRITERS, in_order, write_labels
 from vibroimpact.parameters import check_fits, invalid, truth
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     """
     import xarray as xr
 
-    from vibroimpact.guard import GuardedStore, netcdf_size
+    from vibroimpact.files.guard import GuardedStore, netcdf_size
 
     source = _path("path", path)
     ending = source.suffix.lower()
@@ -147,7 +147,7 @@ def load_lazily(path: Path) -> xr.Dataset:
     """Open a Zarr store as `load` does, but read values from disk only when they are used."""
     import xarray as xr
 
-    from vibroimpact.guard import GuardedStore
+    from vibroimpact.files.guard import GuardedStore
 
     place: Any = GuardedStore(path)
     with _explained(path):

@@ -1,0 +1,1 @@
+"""The engine of systems: what is seen of their modes, in lanes."""
