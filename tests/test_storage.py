@@ -22,9 +22,10 @@ import xarray as xr
 from scipy.io import loadmat
 
 import vibroimpact as vi
-from vibroimpact import files, formats
+from vibroimpact import files
 from vibroimpact.cli.orbits import orbits_dataset
 from vibroimpact.dataset import bundle, impact_speed, oscillator_of, provenance, status_variable, variable
+from vibroimpact.files import formats
 
 OSC = vi.ImpactOscillator(omega=2.8)
 
