@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import os
 import sys
 import threading
@@ -21,6 +22,7 @@ from vibroimpact.explorer.plane import TRIED, KeepGoing, Plane, bands, sides
 Job = Callable[[], None]
 
 NICE = 10  # niceness of threads whose work can wait: a tenth of the processor where a click wants it
+CALM = 1.0  # s without a click before the last thread turns to work that can wait
 PLANE_SECONDS = 30.0  # that all threads may spend on a plane, time in the queue excluded
 log = logging.getLogger(__name__)
 
@@ -61,10 +63,13 @@ class Pool:
         self._numbers = count()
         self._changed = threading.Condition()
         self._open = True
+        self._clicked = -math.inf
         general = tuple(urgency for urgency in Urgency if urgency < Urgency.SEARCH)
         duties = [general] * self.workers + [(Urgency.CLICK,), (Urgency.SEARCH,)]
         self._threads = [
-            threading.Thread(target=self._work, args=(duty,), name=f"explorer-{number}", daemon=True)
+            threading.Thread(
+                target=self._work, args=(duty, number == 0 < self.workers - 1), name=f"explorer-{number}", daemon=True
+            )
             for number, duty in enumerate(duties)
         ]
         for thread in self._threads:
@@ -74,6 +79,8 @@ class Pool:
         """Queue a job; the job itself must check whether it is still wanted."""
         with self._changed:
             self._waiting.append(_Waiting(urgency, next(self._numbers), owner, job))
+            if urgency == Urgency.CLICK:
+                self._clicked = time.monotonic()
             self._changed.notify_all()
 
     def forget(self, owner: Hashable) -> list[Job]:
@@ -99,26 +106,28 @@ class Pool:
         for thread in self._threads:
             thread.join(5.0)
 
-    def _work(self, duty: tuple[Urgency, ...]) -> None:
+    def _work(self, duty: tuple[Urgency, ...], yields: bool) -> None:
         if duty != (Urgency.CLICK,):
             _lower_priority()
-        while (job := self._next(duty)) is not None:
+        while (job := self._next(duty, yields)) is not None:
             try:
                 job()
             except Exception:
                 log.exception("a job of the explorer failed")
             del job  # it refers to its page, which may be gone before the next one comes
 
-    def _next(self, duty: tuple[Urgency, ...]) -> Job | None:
-        """Return the next thing to do; None once the pool is closed."""
+    def _next(self, duty: tuple[Urgency, ...], yields: bool) -> Job | None:
+        """Return the next thing to do; while people click, a thread that yields leaves its core to them."""
         with self._changed:
             while self._open:
-                if ready := [waiting for waiting in self._waiting if waiting.urgency in duty]:
+                busy = yields and time.monotonic() - self._clicked < CALM
+                least = Urgency.FIRST if busy else Urgency.SEARCH
+                if ready := [job for job in self._waiting if job.urgency in duty and job.urgency <= least]:
                     best = min(ready, key=self._rank)
                     self._waiting.remove(best)
                     self._served[best.owner] = next(self._numbers)
                     return best.job
-                self._changed.wait()
+                self._changed.wait(CALM if busy else None)
         return None
 
     def _rank(self, waiting: _Waiting) -> tuple[int, int, int]:
