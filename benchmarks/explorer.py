@@ -69,8 +69,8 @@ def wait_until_settled(page: Any) -> None:
 
 
 def places(page: Any, rng: random.Random) -> Any:
-    box = page.locator("#plane-plot").bounding_box()
     while True:
+        box = page.locator("#plane-plot").bounding_box()  # a button above it may come and go
         yield box["x"] + 90 + rng.random() * (box["width"] - 220), box["y"] + 20 + rng.random() * (box["height"] - 90)
 
 

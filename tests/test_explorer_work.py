@@ -275,7 +275,7 @@ def test_what_was_computed_for_one_plane_is_never_shown_as_another(explorer, hea
     explorer.start()
     assert explorer.wait(300)
     gate = threading.Event()
-    pool.submit("somebody else", Urgency.FIRST, lambda: gate.wait(300))
+    pool.submit("somebody else", Urgency.COARSE, lambda: gate.wait(300))
     heard.clear()
     assert explorer.zoom((1.9, 2.0), (1.0, 1.1))
     assert explorer.set(index="motion")
@@ -291,10 +291,27 @@ def test_a_search_holds_up_neither_planes_nor_clicks(pool):
     gate, done = threading.Event(), {urgency: threading.Event() for urgency in Urgency}
     pool.submit("a", Urgency.SEARCH, lambda: gate.wait(300))
     pool.submit("a", Urgency.SEARCH, lambda: gate.wait(300))
-    for urgency in (Urgency.CLICK, Urgency.FIRST, Urgency.FINE):
+    for urgency in (Urgency.CLICK, Urgency.COARSE, Urgency.LINE, Urgency.FINE):
         pool.submit("b", urgency, done[urgency].set)
         assert done[urgency].wait(300)
     gate.set()
+
+
+def test_while_people_click_one_thread_leaves_its_core_to_them_and_to_coarse_planes(monkeypatch):
+    monkeypatch.setattr(work, "CALM", threading.TIMEOUT_MAX)
+    pool, gate, begun = Pool(2), threading.Event(), queue.Queue()
+    clicked, coarse = threading.Event(), threading.Event()
+    pool.submit("a", Urgency.CLICK, clicked.set)
+    assert clicked.wait(300)
+    for name in "bc":
+        pool.submit(name, Urgency.LINE, lambda: (begun.put("line"), gate.wait(300)))
+    assert begun.get(timeout=300) == "line"
+    pool.submit("d", Urgency.COARSE, coarse.set)
+    assert coarse.wait(300)  # by the thread that does not take the other line
+    assert begun.empty()
+    gate.set()
+    assert begun.get(timeout=300) == "line"
+    pool.close()
 
 
 def test_pages_share_one_pool_and_all_get_what_they_asked_for(pool):

@@ -206,7 +206,7 @@ class Explorer:
 
     def run(self, kind: str, job: Job) -> None:
         """Run a job for this page in its turn; a second one of its kind takes the place of one that waits."""
-        self._work.submit(kind, Urgency.FIRST, job)
+        self._work.submit(kind, Urgency.LINE, job)
 
     def _travel(self, origin: list[View], goal: list[View]) -> bool:
         with self._lock:
@@ -285,7 +285,7 @@ class Explorer:
         self._send(("late", False))
         stored = self.stored(self.view) if self.stored else None
         if stored is not None:
-            self._work.submit("plane", Urgency.FIRST, lambda: self._show_plane("plane", stored))
+            self._work.submit("plane", Urgency.COARSE, lambda: self._show_plane("plane", stored))
         else:
             self._refinement = Refinement(Plane.unknown(self.view), self._work, self._show_plane)
 
@@ -309,7 +309,7 @@ class Explorer:
                 self._send(("message", message), ("late", True))
 
     def _renew_line(self) -> None:
-        self._search("line", Urgency.FIRST, compute_line, "diagram", LINE_SECONDS)
+        self._search("line", Urgency.LINE, compute_line, "diagram", LINE_SECONDS)
 
     def _renew_curves(self) -> None:
         self._work.renew("curves")

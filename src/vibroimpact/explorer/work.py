@@ -31,9 +31,10 @@ class Urgency(IntEnum):
     """What is done first."""
 
     CLICK = 0  # motions
-    FIRST = 1  # what a change shows first: the coarse plane, the diagram
-    FINE = 2  # what makes it finer
-    SEARCH = 3  # what may take many seconds
+    COARSE = 1  # the plane that a change shows first
+    LINE = 2  # diagrams: every click makes one anew, so that they would take the core from the next click
+    FINE = 3  # what makes a plane finer
+    SEARCH = 4  # what may take many seconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +122,7 @@ class Pool:
         with self._changed:
             while self._open:
                 busy = yields and time.monotonic() - self._clicked < CALM
-                least = Urgency.FIRST if busy else Urgency.SEARCH
+                least = Urgency.COARSE if busy else Urgency.SEARCH
                 if ready := [job for job in self._waiting if job.urgency in duty and job.urgency <= least]:
                     best = min(ready, key=self._rank)
                     self._waiting.remove(best)
@@ -310,7 +311,7 @@ class Refinement:
         if self._hatching and self._left:
             self.plane.tried = None
             self._tell("hatch", self.plane)
-        urgency = Urgency.FINE if self._level else Urgency.FIRST
+        urgency = Urgency.FINE if self._level else Urgency.COARSE
         for job in list(self._left):
             self._work.submit("plane", urgency, partial(self._run, job, self._stamp), self._stamp)
 
