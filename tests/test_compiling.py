@@ -2,6 +2,7 @@
 
 import contextlib
 import gc
+import io
 import os
 import pty
 import re
@@ -16,7 +17,7 @@ import pytest
 from numba.core.event import Event, EventStatus
 
 import vibroimpact as vi
-from vibroimpact import beside, compiling, warming
+from vibroimpact import beside, compiling, progress, warming
 from vibroimpact.execution import threads
 from vibroimpact.execution.threads import worker_count
 from vibroimpact.kernels import deferred, interrupts, machine
@@ -112,8 +113,21 @@ def test_nothing_is_silent_on_a_terminal(tmp_path, arguments):
     process.terminate()
     process.wait()
     assert len(times) > 3
-    assert max(np.diff(times)) <= 1.0
+    assert max(np.diff(times)) <= 1.0, said
     assert "loading ... " in said or times[1] < 0.5
+
+
+def test_a_passing_line_goes_on_after_whole_lines_and_leaves_alone_what_others_write(monkeypatch):
+    stream = io.StringIO()
+    monkeypatch.setattr(progress, "PULSE", 0.0)
+    monkeypatch.setattr(sys, "stderr", stream)
+    with progress.Pulse() as pulse:
+        for text, waits_for in ("a line\n", "computing"), ("half of one", ""), ("\r", "computing"):
+            sys.stderr.write(text)
+            assert pulse.waits_for == waits_for
+        progress.wait_for_others()
+        assert pulse.waits_for == ""
+    assert stream.getvalue().endswith("\r")
 
 
 COUNT = """

@@ -169,32 +169,36 @@ class Pulse:
     Within a `with` block; it goes before anything else is written to either stream.
     """
 
+    latest: Pulse | None = None
+
     def __init__(self) -> None:
         self._streams = sys.stdout, sys.stderr
         self._width, self._lock, self._ended = 0, threading.Lock(), Event()
         self._silent = perf_counter()
-        self._waits_for = "loading"
+        self.waits_for = "loading"  # nothing where others are waited for, or where a line of theirs is being written
 
-    def __enter__(self) -> None:
+    def __enter__(self) -> Self:
+        Pulse.latest = self
         sys.stdout, sys.stderr = (cast("TextIO", _Heard(stream, self)) for stream in self._streams)
         threading.Thread(target=self._run, daemon=True).start()
+        return self
 
     def __exit__(self, *_: object) -> None:
         self._ended.set()
         self.heard()
         sys.stdout, sys.stderr = self._streams
 
-    def heard(self) -> None:
+    def heard(self, text: str = "") -> None:
         """Make way for what is written next."""
         with self._lock:
             self._write("")
-            self._silent, self._waits_for = perf_counter(), ""
+            self._silent, self.waits_for = perf_counter(), "computing" if text.endswith(("\n", "\r")) else ""
 
     def _run(self) -> None:
-        while not self._ended.wait(PULSE):
+        while not self._ended.wait(PULSE / 2):
             with self._lock:
                 silent = perf_counter() - self._silent
-                what = f"compiling {compiling.under_way()}" if compiling.under_way() else self._waits_for
+                what = f"compiling {compiling.under_way()}" if compiling.under_way() else self.waits_for
                 if silent > PULSE and not self._ended.is_set():
                     self._write(f"{what} ... {silent:.0f} s" if what else "")
 
@@ -205,6 +209,12 @@ class Pulse:
             self._width = len(line)
 
 
+def wait_for_others() -> None:
+    """Show no passing line until something is written: it is not this process that is waited for."""
+    if Pulse.latest is not None:
+        Pulse.latest.waits_for = ""
+
+
 class _Heard:
     """A stream of the terminal, as it is but for the pulse that makes way for what is written."""
 
@@ -212,7 +222,7 @@ class _Heard:
         self._stream, self._pulse = stream, pulse
 
     def write(self, text: str) -> int:
-        self._pulse.heard()
+        self._pulse.heard(text)
         return self._stream.write(text)
 
     def __getattr__(self, name: str) -> Any:

@@ -18,6 +18,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from vibroimpact.parameters import invalid
+from vibroimpact.progress import wait_for_others
 
 if TYPE_CHECKING:
     from vibroimpact.explorer.server import Server
@@ -84,6 +85,7 @@ def explore(
 async def _serve(browser: bool, *what: Any, **where: Any) -> None:
     server, address = make_server(*what, **where)
     print(f"Explorer at {address} (stop with Ctrl-C)", flush=True)
+    wait_for_others()
     if browser:
         asyncio.get_running_loop().call_later(0.1, webbrowser.open, address)
     try:
