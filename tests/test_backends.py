@@ -47,6 +47,49 @@ def test_indices_come_with_every_name_of_the_table(backend):
     assert (result["steps"] > 0).all()
 
 
+def test_a_system_that_is_one_mass_is_the_oscillator_that_it_is(backend):
+    """Driven at another phase, loaded, in front of a stop on the other side; asked by stop, too."""
+    osc = vi.ImpactOscillator(mass=2.0, damping=0.3, omega=2.0, restitution=0.5, gap=0.1)
+    system = vi.ImpactSystem(
+        mass=2.0,
+        damping=0.3,
+        stiffness=1.0,
+        force=vi.Force(omega=2.0, harmonics={1: -1.0j}, constant=-0.2),
+        stops=[vi.Stop(direction=-1.0, gap=0.3, restitution=0.5)],
+    )
+    engine = get_backend(backend)
+    ahead = 0.25  # driven by sin(w t + pi/2) towards its stop
+    alike = make_cells(osc, vi.State(-0.2, 0.0, ahead * osc.period))
+    wanted = Measurement(ImpactWindow(2, 5), indices=tuple(engine.known_indices), by_stop=True)
+    ours, theirs = (engine.indices(cells, wanted) for cells in (system.cells({}), alike))
+    assert ours.keys() == theirs.keys()
+    for name, values in ours.items():
+        assert values == pytest.approx(theirs[name], rel=1e-9, abs=1e-12, nan_ok=True), name
+    (mine,), (its,) = (engine.samples(cells, Measurement(ImpactWindow(2, 5))) for cells in (system.cells({}), alike))
+    assert mine.impact_velocity == pytest.approx(its.impact_velocity, rel=1e-9)
+    turns = its.impact_periods + its.impact_phase - ahead
+    assert mine.impact_periods + mine.impact_phase == pytest.approx(turns, rel=1e-9)
+
+
+def test_a_back_end_of_one_mass_refuses_another_system():
+    two = vi.models.two_sided_oscillator()
+    for backend in ("reference", "fixed-step"):
+        with pytest.raises(ValueError, match=f"'{backend}' takes only one mass in front of one fixed rigid stop"):
+            vi.parameter_map(two, omega=[1.0], backend=backend)
+        with pytest.raises(ValueError, match="does not give the index 'mean_force'"):
+            vi.parameter_map(
+                vi.ImpactSystem(
+                    mass=1.0,
+                    stiffness=1.0,
+                    force=vi.Force(omega=2.0, harmonics={1: 1.0}),
+                    stops=[vi.Stop(direction=1.0, gap=0.1)],
+                ),
+                omega=[1.0],
+                backend=backend,
+                indices=["mean_force"],
+            )
+
+
 def test_an_impact_window_keeps_as_many_impacts_as_asked(backend):
     (seen,) = get_backend(backend).samples(make_cells(OSC, None), Measurement(ImpactWindow(3, 4)))
     assert len(seen.impact_velocity) == len(seen.impact_phase) == len(seen.impact_periods) == 4

@@ -151,7 +151,7 @@ def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
         (f"section {OWN} --start 0.1,0:0", "`displacement` and `velocity` must have as many numbers"),
         (f"section {OWN} --start 0.1,0:0,0:0:1", "`--start` must be Q,Q:V,V:T"),
         (f"section {OWN} --start 0.1,a:0,0", "`displacement` must be a finite number, got 'a'"),
-        (f"section {OWN} --backend reference", "`backend` 'reference' does not take systems"),
+        (f"section {OWN} --backend reference", "`backend` 'reference' takes only one mass"),
         ("section --model two_sided_oscillator -p left_gap=-1", "`stops` 'left' and 'right' overlap"),
         (f"orbit {OWN} --stops bar,bar", "orbits of several impacts need a guess"),
         (f"orbit {OWN} --stops bar --impacts 1", "give either `--impacts` or the stops that are struck, not both"),

@@ -72,7 +72,8 @@ def parameter_map(
         n_impacts = -1 for complete chatter; `dissipation` (J per period); `stick_fraction`; `impact_phase_spread` =
         1 - \|<exp 2 pi i phase>\|; `grazing_margin` (m), the gap left by the closest near-miss, inf without one.
     backend : str
-        Name of the back end; `time_step` in s goes with "fixed-step" only.
+        Name of the back end; `time_step` in s goes with "fixed-step" only. All but "cpu" take one mass in front of one
+        fixed rigid stop, driven at one frequency, also where that is written as an `ImpactSystem`.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts left out, then kept, in every cell.
     start : State, list of State or int, optional

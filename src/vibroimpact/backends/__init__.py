@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from importlib import import_module
-from typing import Any
 
 from vibroimpact.backends.base import Backend, ImpactWindow, Measurement, Samples, StroboscopicWindow
+from vibroimpact.backends.one_mass import OfOneMass
 from vibroimpact.cells import Cells
 from vibroimpact.indices import FORCES, INDICES
 from vibroimpact.model import Model
@@ -19,6 +19,7 @@ __all__ = [
     "Cells",
     "ImpactWindow",
     "Measurement",
+    "OfOneMass",
     "Samples",
     "StroboscopicWindow",
     "check_known",
@@ -51,10 +52,10 @@ def get_backend(name: str, *, time_step: float | None = None, elsewhere: bool = 
     return backend
 
 
-def check_takes(backend: Backend, model: Any) -> None:
-    """Refuse systems for a back end that does not take them."""
-    if not isinstance(model, ImpactOscillator) and not getattr(backend, "takes_systems", False):
-        raise ValueError(f"`backend` {backend.name!r} does not take systems; leave it out")
+def check_takes(backend: Backend, model: Model) -> None:
+    """Refuse a model that a back end does not take."""
+    if isinstance(backend, OfOneMass):
+        backend.check_takes(model.cells({}))
 
 
 def check_known(indices: Iterable[str], backend: Backend, model: Model) -> None:
@@ -64,6 +65,6 @@ def check_known(indices: Iterable[str], backend: Backend, model: Model) -> None:
             raise ValueError(f"`{name}` is an index of systems; write the oscillator as an ImpactSystem")
         if name == "max_force" and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):
             raise ValueError("`max_force` needs a compliant stop; the force of a rigid one has no largest value")
-        if name not in backend.known_indices and name not in FORCES:
+        if name not in backend.known_indices and (name not in FORCES or isinstance(backend, OfOneMass)):
             known = ", ".join(known for known in INDICES if known in backend.known_indices)
             raise ValueError(f"`backend` {backend.name!r} does not give the index {name!r}, only {known}")

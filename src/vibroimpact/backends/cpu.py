@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.backends import scalar
+from vibroimpact.backends import one_mass, scalar
 from vibroimpact.backends.base import Backend, Counts, Measurement, Outcome, Samples
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
@@ -26,7 +26,6 @@ class CpuBackend(Backend):
     largest_tile = 4096
     alone = LANES
     known_indices = frozenset(INDICES)
-    takes_systems = True
 
     def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         """Return the indices, the status, the impacts computed and the certified steps of each cell."""
@@ -53,13 +52,13 @@ class CpuBackend(Backend):
         """Return the samples that the window takes of each cell."""
         if not isinstance(cells, SystemCells):
             return scalar.samples(cells, measurement)
-        from vibroimpact.backends import one_mass
-        from vibroimpact.backends.modal import samples
+        from vibroimpact.backends.modal import samples  # compiled when it is first asked
 
         found, alone = np.empty(len(cells), object), one_mass.served(cells, measurement)
-        for rows, engine in (alone, one_mass.samples), (~alone, samples.samples):
-            if rows.any():
-                found[rows] = engine(cells[rows], measurement)
+        if alone.any():
+            found[alone] = one_mass.samples(cells[alone], measurement, scalar.samples)
+        if not alone.all():
+            found[~alone] = samples.samples(cells[~alone], measurement)
         return found.tolist()
 
     def follow(self, cell: Cells, measurement: Measurement, seen: Measurement) -> tuple[Outcome, Samples]:
@@ -74,13 +73,13 @@ def _sweeps(cells: Cells, measurement: Measurement) -> Iterator[tuple[Counts, An
     if not isinstance(cells, SystemCells):
         yield np.arange(len(cells)), scalar.Sweep(cells, measurement)
         return
-    from vibroimpact.backends import one_mass  # compiled when it is first asked
-    from vibroimpact.backends.modal.sweep import SystemSweep
+    from vibroimpact.backends.modal.sweep import SystemSweep  # compiled when it is first asked
 
     alone = one_mass.served(cells, measurement)
-    for rows, engine in (alone, one_mass.sweep), (~alone, SystemSweep):
-        if rows.any():
-            yield np.flatnonzero(rows), engine(cells[rows], measurement)
+    if alone.any():
+        yield np.flatnonzero(alone), scalar.Sweep(one_mass.as_one_mass(cells[alone])[0], measurement)
+    if not alone.all():
+        yield np.flatnonzero(~alone), SystemSweep(cells[~alone], measurement)
 
 
 def create() -> CpuBackend:

@@ -15,16 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.backends.base import (
-    Backend,
     Counts,
     Floats,
     ImpactWindow,
     Measurement,
     Outcome,
     Samples,
-    told_apart,
 )
 from vibroimpact.backends.cpu import CpuBackend
+from vibroimpact.backends.one_mass import OfOneMass
 from vibroimpact.backends.scalar import Limits, limits, outcomes, rows_of
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
@@ -49,7 +48,7 @@ _turns = BoundedSemaphore(1 if config.ENABLE_CUDASIM else AT_ONCE)
 _launching = Lock()  # numba-cuda loads a kernel when it is first launched, and fails where two threads do so at once
 
 
-class CudaBackend(Backend):
+class CudaBackend(OfOneMass):
     """Indices of many cells at once on the GPU; single orbits have nothing to gain there and stay on the CPU."""
 
     name, sampler = "cuda", "cpu"
@@ -64,8 +63,7 @@ class CudaBackend(Backend):
             what, remedy = problem
             raise ValueError(f"back end 'cuda' cannot be used here: {what}; {remedy}")
 
-    def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
-        """Return the indices, the status, the impacts computed and the certified steps of each cell."""
+    def _indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         rows, thorough = rows_of(cells), measurement.thorough
         results = np.zeros((len(rows), len(THOROUGH if thorough else PLAIN)))
         ends = np.zeros(len(rows), dtype=np.int8)
@@ -77,10 +75,9 @@ class CudaBackend(Backend):
                 tile = _Tile(rows[part], closers, measurement.impacts, limits(measurement.tolerances), thorough)
                 results[part], ends[part] = tile.run(measurement.early_closing)
             low += size
-        return told_apart(outcomes(results, ends, measurement.impacts), measurement)
+        return outcomes(results, ends, measurement.impacts)
 
-    def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
-        """Return the samples that the window takes of each cell, as `cpu` does."""
+    def _samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
         return CpuBackend().samples(cells, measurement)
 
 

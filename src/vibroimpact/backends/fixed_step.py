@@ -21,15 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.backends.base import (
-    SAMPLE_INDICES,
     Floats,
     ImpactWindow,
-    OneByOne,
     Samples,
     StroboscopicWindow,
     energy_loss,
-    impact_indices,
 )
+from vibroimpact.backends.one_by_one import SAMPLE_INDICES, OneByOne, impact_indices
 from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.kernels.march import march
 from vibroimpact.options import Tolerances

@@ -9,26 +9,30 @@ so that it is an oscillator whose phase is ahead.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends import scalar
 from vibroimpact.backends.base import (
+    Backend,
     Floats,
     Measurement,
+    Outcome,
     Samples,
     StroboscopicWindow,
     SystemSamples,
     energy_loss,
+    told_apart,
 )
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
 from vibroimpact.model.elements import BLOCKS
 from vibroimpact.model.system_cells import SystemCells
 
+ONE_MASS = "one mass in front of one fixed rigid stop, driven at one frequency"
 BELOW_ONE = np.nextafter(1.0, 0.0)
 ROUNDING = 1e-15  # of the lengths that a clearance is the difference of
 SAME = 1e-12  # of a scale of velocities: such a difference is rounding
@@ -85,13 +89,12 @@ def as_one_mass(cells: SystemCells) -> tuple[Cells, Floats]:
     return Cells.of(columns), ahead
 
 
-def sweep(cells: SystemCells, measurement: Measurement) -> scalar.Sweep:
-    """Return what is shared of these cells by threads."""
-    return scalar.Sweep(as_one_mass(cells)[0], measurement)
-
-
-def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]:
-    """Return the samples that the window takes of each cell."""
+def samples(
+    cells: SystemCells,
+    measurement: Measurement,
+    engine: Callable[[Cells, Measurement], list[Samples]],
+) -> list[SystemSamples]:
+    """Return the samples that the window takes of each cell, by an engine of one mass."""
     alike, ahead = as_one_mass(cells)
     groups = np.zeros(len(cells))
     if isinstance(measurement.window, StroboscopicWindow) and measurement.window.phase is not None:
@@ -99,7 +102,7 @@ def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]
     found: list[Any] = [None] * len(cells)
     for group in np.unique(groups):
         rows = np.flatnonzero(groups == group)
-        sampled = scalar.samples(alike[rows], _shifted(measurement, float(group)))
+        sampled = engine(alike[rows], _shifted(measurement, float(group)))
         for row, seen in zip(rows.tolist(), sampled, strict=True):
             found[row] = _of_system(cells[row : row + 1], next(iter(alike[row : row + 1])), float(ahead[row]), seen)
     return found
@@ -153,3 +156,31 @@ def _of_system(cell: SystemCells, alike: dict[str, float], ahead: float, seen: S
         last_velocity=coordinates(seen.last_velocity)[0],
         last_phase=float(turned(seen.last_periods, seen.last_phase)[1]),
     )
+
+
+class OfOneMass(Backend):
+    """A back end for one mass in front of one fixed rigid stop, driven at one frequency, however that is written."""
+
+    def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
+        """Return the indices, the status, the impacts computed and the certified steps of each cell."""
+        self.check_takes(cells)
+        alike = as_one_mass(cells)[0] if isinstance(cells, SystemCells) else cells
+        return told_apart(self._indices(alike, measurement), measurement)
+
+    def samples(self, cells: Cells, measurement: Measurement) -> list[Any]:
+        """Return the samples that the window takes of each cell."""
+        if not isinstance(cells, SystemCells):
+            return self._samples(cells, measurement)
+        self.check_takes(cells)
+        return samples(cells, measurement, self._samples)
+
+    def check_takes(self, cells: Cells) -> None:
+        """Refuse cells that are something else."""
+        if isinstance(cells, SystemCells) and not is_one_mass(cells).all():
+            raise ValueError(f"`backend` {self.name!r} takes only {ONE_MASS}; leave it out")
+
+    def _indices(self, cells: Cells, measurement: Measurement) -> Outcome:
+        raise NotImplementedError
+
+    def _samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
+        raise NotImplementedError

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow, check_takes
+from vibroimpact.backends import Cells, ImpactWindow, OfOneMass, StroboscopicWindow, check_takes
 from vibroimpact.cells import Floats
 from vibroimpact.coexistence.attractor import Attractor, Basin, distinct_names, match
 from vibroimpact.coexistence.measuring import Measured, Runner, orbit_cells, spread_cells, state_cells
@@ -133,6 +133,8 @@ def attractors(
 def check_taken(model: Any, runner: Runner) -> None:
     """Refuse a model without stops, and one that a back end does not take."""
     check_takes(runner.engine, model)
+    if not model.forgets and isinstance(runner.engine, OfOneMass):
+        raise ValueError(f"`backend` {runner.engine.name!r} does not tell motions of systems apart; leave it out")
     if not model.stops:
         raise ValueError(f"`osc` must have a stop, got {model!s}: without one there is a single motion, the steady one")
 

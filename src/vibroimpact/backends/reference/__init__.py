@@ -16,14 +16,13 @@ import numpy as np
 from vibroimpact.backends.base import (
     Floats,
     ImpactWindow,
-    OneByOne,
     Samples,
     StroboscopicWindow,
     energy_loss,
-    impact_indices,
     impacts_status,
     looks_status,
 )
+from vibroimpact.backends.one_by_one import OneByOne, impact_indices
 from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.backends.reference.indices import Account, Ledger
 from vibroimpact.backends.reference.motion import Contact, Rest, motion, time_between

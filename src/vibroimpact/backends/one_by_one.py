@@ -1,0 +1,79 @@
+"""Back ends that follow one cell after the other and keep every impact."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vibroimpact.backends.base import ImpactWindow, Measurement, Outcome, Samples
+from vibroimpact.backends.one_mass import OfOneMass
+from vibroimpact.cells import Cells
+from vibroimpact.indices import INDICES, VELOCITY_INDICES
+from vibroimpact.options import Tolerances
+
+SAMPLE_INDICES = VELOCITY_INDICES | {"dissipation", "impact_phase_spread"}
+
+
+def impact_indices(seen: Samples, loss: float) -> dict[str, float]:
+    """Return the indices that follow from kept impacts alone; an impact of speed v costs `loss` v^2, m (1 - r^2) v^2/2.
+
+    The energy is what the impacts after the first one cost: they and the flights before them make up the span. The
+    phases' spread is 1 - |mean of exp(2 pi i phase)|.
+    """
+    velocity, last = seen.impact_velocity, len(seen.impact_velocity) - 1
+    # Shifted by the first sample: nearly equal velocities keep the digits of their differences.
+    shifted = velocity - velocity[0]
+    angle = 2.0 * math.pi * seen.impact_phase
+    found = {
+        "std": float(np.std(shifted)),
+        "mean_velocity": float(velocity[0] + shifted.mean()),
+        "max_velocity": float(velocity.max()),
+        "impact_phase_spread": max(1.0 - math.hypot(float(np.cos(angle).mean()), float(np.sin(angle).mean())), 0.0),
+    }
+    if last == 0:
+        return found
+    span = float((seen.impact_periods[-1] - seen.impact_periods[0]) + (seen.impact_phase[-1] - seen.impact_phase[0]))
+    return found | {
+        "impacts_per_period": last / span,
+        "dissipation": loss * float((velocity[1:] ** 2).sum()) / span,
+    }
+
+
+class OneByOne(OfOneMass):
+    """A back end that follows one cell after the other and computes every impact, `early_closing` or not.
+
+    Each gives all indices that it knows, named or not.
+    """
+
+    smallest_tile = 1
+    largest_tile = 1
+    slow = True
+
+    def run(self, cell: dict[str, float], tolerances: Tolerances) -> Any:
+        """Return the run of a cell from its start.
+
+        Its `looks(window)` gives samples, `impacts(window)` samples and how many impacts were recorded in all, and
+        `indices(window)` these two and a dict of indices.
+        """
+        ...
+
+    def _indices(self, cells: Cells, measurement: Measurement) -> Outcome:
+        rows = [self.run(cell, measurement.tolerances).indices(measurement.impacts) for cell in cells]
+        table: Outcome = {
+            index.name: np.array([found.get(index.name, index.fill) for _, _, found in rows], dtype=index.dtype)
+            for index in INDICES.values()
+        }
+        return table | {
+            "status": np.array([seen.status for seen, _, _ in rows], dtype=np.int8),
+            "impacts": np.array([impacts for _, impacts, _ in rows], dtype=np.int64),
+            "steps": np.array([seen.steps for seen, _, _ in rows], dtype=np.int64),
+        }
+
+    def _samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
+        window = measurement.window
+        runs = (self.run(cell, measurement.tolerances) for cell in cells)
+        if isinstance(window, ImpactWindow):
+            return [run.impacts(window)[0] for run in runs]
+        return [run.looks(window) for run in runs]
