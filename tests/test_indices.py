@@ -99,7 +99,6 @@ def test_the_exponent_of_an_impact_1_motion_follows_from_its_trace_in_closed_for
     assert told["lyapunov"] == pytest.approx(growth / (n * osc.period), **near)
 
 
-@ONE_MASS
 def test_an_orbit_that_repeats_but_is_unstable_is_no_cycle(way):
     osc = vi.ImpactOscillator(omega=1.15)
     start = orbit_of_one_impact(osc)

@@ -255,6 +255,8 @@ def test_motions_said_to_have_no_more_impacts_have_none_in_a_thousand_periods():
         periods = math.ceil(last / model.period) + 1000
         motion = vi.simulate(model, periods=periods, samples_per_period=4)
         assert motion.sizes["impact"] == hits.sizes["impact"], seed
+        held = bool(np.isnan(motion["release_time"]).any())  # by a rigid stop
+        assert (int(motion["status"]) == Status.STUCK_FOREVER) == held, seed
         at = slice(-400, None)
         places = zip(motion["displacement"].values[at], motion["time"].values[at], strict=True)
         least = np.array([model.clearances(q, time=t) for q, t in places])

@@ -205,7 +205,7 @@ def looks_status(sticks: Floats, first: float, pressed: bool) -> Status:
     `pressed`: a mass at rest at the stop is never released.
     """
     released = sticks[:, 2] + sticks[:, 3]
-    if pressed and len(sticks) and np.isnan(released[-1]):
+    if pressed and np.isnan(released).any():
         return Status.STUCK_FOREVER
     return Status.STICKING if (np.isnan(released) | (released > first)).any() else Status.OK
 

@@ -261,12 +261,10 @@ def attracting_kinds(osc: ImpactOscillator | ImpactSystem, outcome: Outcome, kep
 
     To the rule of `classify` comes what the model decides: hits that last without loss attract nothing, and without
     force a mass comes to rest, unless it swings on, undamped, just clear of the stop; what else still hits is dying
-    out, even where impacts come back to within 1e-7 V. A system may pass an unstable cycle slowly: one from which
-    neighbours part is not believed, unless no faster than in proportion, as a mass does that nothing holds or strikes.
+    out, even where impacts come back to within 1e-7 V.
     """
     growth = outcome["lyapunov_per_impact"] * kept
-    cycles = outcome["n_periods"] if osc.forgets else np.where(growth > math.log(kept), 0, outcome["n_periods"])
-    kinds = decide(outcome["status"], growth, cycles, outcome["n_impacts"], kept if may_wind(osc) else 0)
+    kinds = decide(outcome["status"], growth, outcome["n_periods"], outcome["n_impacts"], kept if may_wind(osc) else 0)
     forced, damped, touching = _loads(osc)
     settles_to = np.arange(len(MotionClass), dtype=np.int8)
     settles_to[[MotionClass.BUDGET, MotionClass.INTERRUPTED]] = MotionClass.UNDECIDED

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, SystemSamples
+from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, SystemSamples, looks_status
 from vibroimpact.backends.modal.rows import budgets_of, in_steps, steps_of
 from vibroimpact.backends.modal.sweep import alone_for, layout_for, noted, room_for
 from vibroimpact.backends.scalar import aligned, ended_as
@@ -126,7 +126,7 @@ class _Recorder:
             rests, status = _within_impacts(impacts, rests, self._window, ended)
         else:
             step = h * cell["omega"][0] / (2.0 * math.pi)
-            impacts, rests, status = _within_looks(impacts, rests, times.sum(axis=0), step)
+            impacts, rests, status = _within_looks(impacts, rests, times.sum(axis=0), step, ended)
             status = ended if len(looks) < self._window.keep else status
         return SystemSamples(
             impact_periods=impacts[:, 0],
@@ -165,14 +165,14 @@ def _within_impacts(impacts: Floats, rests: Floats, window: ImpactWindow, ended:
     return rests, window_status(sampled=len(impacts), wanted=window.keep, stuck=stuck, periods=span, ended=ended)
 
 
-def _within_looks(impacts: Floats, rests: Floats, looks: Floats, step: float) -> tuple[Floats, Floats, Status]:
+def _within_looks(
+    impacts: Floats, rests: Floats, looks: Floats, step: float, ended: Status
+) -> tuple[Floats, Floats, Status]:
     """Return the impacts and rests up to the last look, and the status of a full window; a step is so many periods."""
-    first, last = looks[0], looks[-1]  # the step that passes the last look may end at an impact
+    last = looks[-1]  # the step that passes it may end at an impact
     impacts = impacts[impacts[:, 0] + impacts[:, 1] <= last]
     over = impacts[:, 0] + impacts[:, 1] + impacts[:, 7] * step
     impacts[np.ix_(over > last, [4, 6, 7, 8, 9])] = math.nan  # of a contact that outlasts the motion
     rests = rests[rests[:, 1] + rests[:, 2] <= last]
-    released = rests[:, 3] + rests[:, 4]
-    rests[released > last, 3:] = math.nan
-    stuck = bool((np.isnan(rests[:, 3]) | (released > first)).any())
-    return impacts, rests, Status.STICKING if stuck else Status.OK
+    rests[rests[:, 3] + rests[:, 4] > last, 3:] = math.nan
+    return impacts, rests, looks_status(rests[:, 1:], looks[0], ended == Status.STUCK_FOREVER)

@@ -126,12 +126,15 @@ class SystemSweep:
             if self.layout.thorough:
                 growth, per_impact = _growth(notes, began, ended, self.window)
                 found["lyapunov"], found["lyapunov_per_impact"] = growth / period, per_impact
-                found["n_periods"], found["n_impacts"] = notes[march.PERIODS], notes[march.IMPACTS]
+                # A cycle from which neighbours part faster than in proportion to impacts is passed by.
+                stable = ~(per_impact * self.window.keep > math.log(self.window.keep))
+                found["n_periods"] = np.where(stable, notes[march.PERIODS], 0.0)
+                found["n_impacts"] = np.where(stable, notes[march.IMPACTS], 0.0)
                 unresolved = np.isneginf(notes[march.GREW]) & (notes[march.UNSURE] > notes[march.FROM])
                 found["n_periods"] = np.where(unresolved, 0.0, found["n_periods"])
                 found["n_impacts"] = np.where(unresolved, -1.0, found["n_impacts"])
                 turned = own[march.TURNED]
-                repeats = (notes[march.IMPACTS] > 0.0) & (turned.sum(axis=0) == notes[march.IMPACTS])
+                repeats = (notes[march.IMPACTS] > 0.0) & (turned.sum(axis=0) == notes[march.IMPACTS]) & stable
                 rate = (turned if self.by_stop else notes[march.IMPACTS]) / notes[march.PERIODS]
                 found["impacts_per_period"] = np.where(repeats, rate, found["impacts_per_period"])
                 misses = own[march.MISS]

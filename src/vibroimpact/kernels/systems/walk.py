@@ -215,7 +215,8 @@ def _end(rows, k, room, note, seen, lane, schedule, window, alone, asked):
         full = rows[k.made] > note[GRANTED]
         full |= asked and asks(rows, k, note) and lasting(rows, k, room) != RUNNING
     if full:
-        return FILLED
+        stays = schedule.number > 0.0 and rows[k.closed] > 0.0 and lasting(rows, k, room) == PINNED
+        return PINNED if stays else FILLED
     if _is_full(k, seen, lane):
         return RUNNING
     if not asked or note[HITS] >= window.total:
