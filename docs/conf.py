@@ -55,7 +55,7 @@ _PICTURES = {
     ),
     "orbits": (
         "orbits in the phase plane: stable, unstable, sticking",
-        "orbits.orbit_distance orbits.same_orbit orbits.sticking.StickingEnd orbits.sticking.find_sticking_orbit",
+        "orbits.orbit_distance orbits.same_orbit orbits.sticking_end.StickingEnd orbits.sticking.find_sticking_orbit",
     ),
     "coexistence": ("basins of two attractors; sweeps up and down", "coexistence.Attractor"),
     "classes": ("names of motions over driving frequency and mass", "motion.Motion motion.MotionClass"),

@@ -16,7 +16,7 @@ from vibroimpact.continuation import (
 from vibroimpact.files import load, save
 from vibroimpact.motion.recognition import recognise
 from vibroimpact.orbits import find_orbit
-from vibroimpact.orbits.sticking import end_of_sticking
+from vibroimpact.orbits.sticking_end import end_of_sticking
 
 PLANES = {  # the second axis of the paper's maps; omega is the first
     "mass": (0.1, 5.0),

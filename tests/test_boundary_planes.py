@@ -16,7 +16,8 @@ from vibroimpact.orbits import find_orbit
 from vibroimpact.orbits.equations import parameters_of
 from vibroimpact.orbits.one_mass import solve
 from vibroimpact.orbits.orbit import make_orbit, solution_of
-from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release, scaling_exponent
+from vibroimpact.orbits.sticking import periods_from_release
+from vibroimpact.orbits.sticking_end import end_of_sticking, scaling_exponent
 from vibroimpact.report import sentences_of
 
 OSC = vi.ImpactOscillator()

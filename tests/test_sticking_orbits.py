@@ -10,7 +10,8 @@ from designs import RESTS
 from vibroimpact.coexistence.measuring import AT_REST, Runner, cells_of
 from vibroimpact.continuation import continue_boundary
 from vibroimpact.motion.recognition import recognise
-from vibroimpact.orbits.sticking import closes, end_of_sticking, find_sticking_orbit, from_release, scaling_exponent
+from vibroimpact.orbits.sticking import closes, find_sticking_orbit, from_release
+from vibroimpact.orbits.sticking_end import end_of_sticking, scaling_exponent
 
 # The end of sticking of the default oscillator, by bisection with closed-form flights in 45 digits.
 END = 0.34718041326569632613
@@ -441,3 +442,21 @@ def test_bad_requests_name_what_is_wrong(default_end):
         continue_boundary(default_end, ("omega", "mass"), ((0.1, 0.2), (0.5, 2.0)))
     with pytest.raises(ValueError, match="`point` must be .*, got 'no_change'"):
         continue_boundary(end_of_sticking(osc, "omega", (0.1, 0.2)), ("omega", "mass"), ranges)
+
+
+def test_a_branch_of_the_sticking_orbit_goes_to_its_end_and_leads_on_to_the_curve_of_ends():
+    osc = vi.ImpactOscillator(omega=0.3)
+    (orbit,) = vi.find_orbit(osc, n_impacts=-1)
+    branch = vi.continue_orbit(orbit, "omega", (0.1, 0.5), step=0.05)
+    assert branch.outcome == ("range", "end_of_sticking")
+    for one in branch.orbits[::4]:
+        assert [one] == find_sticking_orbit(osc.replace(omega=one.value("omega")))
+        (rest,) = one.rests
+        assert rest.end % 1.0 == pytest.approx(one.release_phase, abs=1e-12)
+        assert (rest.end - rest.begin) * one.oscillator.period == pytest.approx(one.stuck_time, rel=1e-9)
+    (end,) = branch.special
+    known = end_of_sticking(osc, "omega", (0.3, 0.4))
+    assert (end.kind, end.value) == ("end_of_sticking", pytest.approx(known.value, rel=1e-15))
+    plane = ("omega", "restitution"), ((0.3, 0.4), (0.7, 0.9))
+    ours, theirs = (vi.continue_boundary(point, *plane, step=0.1) for point in (end, known))
+    assert (ours.values == theirs.values).all()

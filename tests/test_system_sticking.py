@@ -1,5 +1,7 @@
 """Orbits of systems that rest at a stop: fixed points of their motion, with the multipliers of its derivative."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from systems import linear, one_mass, sticking
 from vibroimpact.backends.modal.carry import Carrier
 from vibroimpact.backends.reference.systems import follow
 from vibroimpact.options import Tolerances
+from vibroimpact.orbits.sticking_end import scaling_exponent
 
 pytestmark = pytest.mark.usefixtures("modal_engine")
 
@@ -194,10 +197,102 @@ def test_a_guess_that_does_not_fit_is_refused():
         vi.find_orbit(sticking(), n_impacts=-1, near=(0.1, 1.0))
 
 
-def test_it_has_no_branch_and_no_flights():
+ENDS = {  # where sticking ends, and the restitution of the stop
+    "two masses": (moving(), (0.5, 0.9), 0.3),
+    "both sides": (two_sides(), (0.9, 1.5), 0.5),
+}
+
+
+@pytest.mark.parametrize("name", ONES)
+def test_the_end_of_sticking_of_one_mass_as_a_system_is_that_of_the_oscillator(name):
+    one = ONES[name]
+    known = vi.end_of_sticking(one, "omega", (one.omega, 2.0))
+    found = vi.end_of_sticking(one_mass(one), "omega", (one.omega, 2.0))
+    assert (known.outcome, found.outcome) == ("found", "found")
+    assert found.value == pytest.approx(known.value, rel=1e-9)
+    assert found.residual < 1e-7
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_the_stuck_time_vanishes_as_the_power_of_the_distance_that_its_restitution_sets(name):
+    model, between, restitution = ENDS[name]
+    end = vi.end_of_sticking(model, "omega", between)
+    assert end.found
+    distances = np.array([1e-5, 1e-6, 1e-7])
+    orbits, orbit = [], end.orbit
+    for away in distances[::-1]:
+        near = model.replace(omega=end.value + away * (between[0] - end.value))
+        orbit = the_orbit(near, near=orbit)
+        orbits.append(orbit)
+    stuck = [orbit.rests[0].end - orbit.rests[0].begin for orbit in orbits[::-1]]
+    slopes = np.diff(np.log(stuck)) / np.diff(np.log(distances))
+    assert slopes == pytest.approx(scaling_exponent(restitution), abs=0.02)
+    beyond = model.replace(omega=end.value + 1e-6 * (between[1] - end.value))
+    assert not vi.find_orbit(beyond, n_impacts=-1, near=end.orbit)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_along_a_branch_the_witness_comes_back_and_rests_as_long(name):
+    orbit = the_orbit(SYSTEMS[name])
+    omega = orbit.system.omega
+    branch = vi.continue_orbit(orbit, "omega", (0.97 * omega, 1.03 * omega))
+    assert branch.outcome == ("range", "range")
+    assert len(branch.orbits) > 50
+    for one in branch.orbits[::9]:
+        place, rate = (np.array(part) for part in (one.start.displacement, one.start.velocity))
+        seen = follow(linear(one.system), place, rate, one.start.time, impacts=1000, most_periods=1)
+        assert seen.end.displacement == pytest.approx(place, abs=1e-8)
+        changes = {"stick": -1.0, "release": 1.0}
+        closed = sum(changes.get(event.kind, 0.0) * event.time for event in seen.events)
+        assert closed == pytest.approx(one.stuck_time, abs=1e-6 * one.system.period)
+
+
+def test_a_branch_that_rests_ends_where_sticking_does_or_folds():
+    orbit = the_orbit(two_sides())
+    branch = vi.continue_orbit(orbit, "omega", (0.15, 1.5), step=0.05)
+    assert branch.outcome == ("range", "end_of_sticking")
+    (end,) = branch.special
+    assert end.value == pytest.approx(vi.end_of_sticking(two_sides(), "omega", (0.15, 1.5)).value, rel=1e-10)
+    hardest = branch.dataset["velocity"].max("impact").values  # a row begins at the same release
+    assert np.abs(np.diff(hardest)).max() < 0.1
+    assert branch.dataset["velocity"].values[:, 0] == pytest.approx(hardest)
+    folding = vi.continue_orbit(orbit, "left_gap", (0.1, 2.0), step=0.05)
+    assert folding.outcome == ("range", "fold")
+    (fold,) = folding.special
+    assert (fold.kind, fold.residual < 1e-3) == ("fold", True)
+    assert min(abs(m - 1.0) for m in fold.orbit.multipliers) == fold.residual
+    nearer = [min(abs(m - 1.0) for m in one.multipliers) for one in folding.orbits[-6:]]
+    assert nearer == sorted(nearer, reverse=True)
+
+
+def test_an_orbit_entered_within_a_rest_has_that_rest_once():
+    """The state found before is at rest where the parameter moved on: the rest was listed twice."""
+    orbit = the_orbit(sticking().replace(omega=0.6))
+    rest = orbit.rests[0]
+    within = 0.5 * (rest.begin + rest.end) - orbit.start.time / orbit.system.period
+    moved = vi.simulate(orbit.system, start=orbit.start, periods=1, samples_per_period=1000)
+    at = round(within % 1.0 * 1000)
+    state = vi.State(moved["displacement"].values[at], moved["velocity"].values[at], moved["time"].values[at])
+    again = the_orbit(orbit.system, near=dataclasses.replace(orbit, start=state))
+    assert len(again.rests) == len(orbit.rests) == 1
+    assert again.stuck_time == pytest.approx(orbit.stuck_time, rel=1e-8)
+
+
+def test_how_an_orbit_of_a_system_is_lost_is_said():
+    assert vi.end_of_sticking(sticking(), "omega", (0.5, 0.6)).outcome == "no_change"
+    gear = vi.models.idle_gear()
+    lost = vi.end_of_sticking(gear, "omega", (0.6 * gear.omega, 0.5 * gear.omega))
+    assert (lost.outcome, lost.found) == ("lost", False)
+    assert "the orbit still rests for 0.999 T" in lost.message
+    folds = vi.end_of_sticking(two_sides(), "left_gap", (0.1, 3.0))
+    assert (folds.outcome, "where it folds" in folds.message) == ("lost", True)
+    (end,) = vi.continue_orbit(the_orbit(two_sides().replace(omega=1.1)), "omega", (1.09, 1.2)).special
+    with pytest.raises(ValueError, match="for systems, find it value by value with end_of_sticking"):
+        vi.continue_boundary(end, ("omega", "left_gap"), ((1.0, 1.2), (0.0, 0.5)))
+
+
+def test_it_has_no_flights():
     orbit = the_orbit(sticking())
-    with pytest.raises(ValueError, match="value by value, with find_orbit"):
-        vi.continue_orbit(orbit, "omega", (0.3, 0.5))
     with pytest.raises(ValueError, match="rests at a stop; follow it with simulate"):
         orbit.motion([0.0])
     moved = vi.simulate(orbit.system, start=orbit.start, periods=1)

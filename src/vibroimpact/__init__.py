@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from vibroimpact.motion.recognition import recognise
     from vibroimpact.options import Tolerances
     from vibroimpact.orbits import Orbit, find_orbit
-    from vibroimpact.orbits.sticking import end_of_sticking
+    from vibroimpact.orbits.sticking_end import end_of_sticking
     from vibroimpact.refinement import to_uniform
     from vibroimpact.sections import impact_map, impact_section, simulate, stroboscopic_section
     from vibroimpact.sweeps import parameter_map, refined_map
@@ -43,7 +43,7 @@ _NAMES = {
     "refinement": "to_uniform",
     "motion.classes": "classify",
     "orbits": "Orbit find_orbit",
-    "orbits.sticking": "end_of_sticking",
+    "orbits.sticking_end": "end_of_sticking",
     "continuation": "continue_orbit switch_branch continue_boundary boundary_curves",
     "coexistence": "attractors basins",
     "verdict": "describe compare",

@@ -17,7 +17,7 @@ from vibroimpact.continuation.results import BifurcationPoint, Boundary, course
 from vibroimpact.continuation.sticking import LONGEST_STEP, MOST, Sticking, sticking_curve
 from vibroimpact.model import Model, check_names
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.orbits.sticking import StickingEnd
+from vibroimpact.orbits.sticking_end import KIND, StickingEnd
 from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 
@@ -122,9 +122,9 @@ def boundary_through(
     Along an end of sticking it ends after `most` points to either side.
     """
     walk: Callable[[float], Iterator[Way]]
-    if isinstance(point, StickingEnd):
-        assert point.orbit is not None
-        longest, sticking = min(longest, LONGEST_STEP), Sticking(point.orbit.model, *plane, point.n_periods, report)
+    if isinstance(point, StickingEnd) or point.kind == KIND:
+        sticking = Sticking(point.orbit.model, *plane, point.orbit.n_periods, report)
+        longest = min(longest, LONGEST_STEP)
         walk = partial(sticking_curve, sticking, longest, most)
     else:
         walk = partial(_walk, _beginning(point, plane), longest, virtual)
@@ -149,7 +149,9 @@ def check_plane(point: Any, parameters: Any, ranges: Any) -> Plane:
         raise invalid("point", point.outcome, "an end of sticking that was found", point.message)
     if not isinstance(point, (BifurcationPoint, StickingEnd)):
         raise invalid("point", point, "a BifurcationPoint", "take one from the `special` of a branch")
-    assert point.orbit is not None
+    if point.kind == KIND and not point.orbit.oscillator.forgets:
+        hint = "for systems, find it value by value with end_of_sticking"
+        raise invalid("point", point.kind, "a bifurcation that is followed as a curve", hint)
     return check_box(point.orbit.model, parameters, ranges, point.orbit)
 
 

@@ -27,7 +27,7 @@ from vibroimpact.orbits import systems
 from vibroimpact.orbits.equations import Cycle, Floats
 from vibroimpact.orbits.orbit import Orbit, make_orbit
 from vibroimpact.orbits.search import find_orbit
-from vibroimpact.orbits.sticking import StickingEnd, end_of_sticking
+from vibroimpact.orbits.sticking_end import StickingEnd, end_of_sticking
 from vibroimpact.progress import Report
 from vibroimpact.sweeps import parameter_map
 

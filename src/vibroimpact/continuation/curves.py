@@ -24,7 +24,7 @@ from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.motion import cycle_name, listed
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.orbits.sticking import StickingEnd
+from vibroimpact.orbits.sticking_end import StickingEnd
 from vibroimpact.parameters import choice, invalid, several, whole_number
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status

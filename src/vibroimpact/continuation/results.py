@@ -33,6 +33,8 @@ ENDS = {
     "pitchfork": "at the pitchfork it comes from",
     "closed": "where it began (closed)",
     "impacts_merge": "where two impacts merge",
+    "end_of_sticking": "where the end of its chatter meets the release",
+    "fold": "where it folds",
     "resonance": "where its pair of multipliers becomes real",
     "lost": "where no next orbit is found",
     "budget": "after the most orbits that are followed",
@@ -93,10 +95,10 @@ class Branch:
     orbits : list of Orbit or SystemOrbit
         Along the branch; the impacts keep their order.
     special : list of BifurcationPoint
-        Folds, period doublings and grazings on it, in its order; their orbits are among `orbits`.
+        Bifurcations on it, in its order; their orbits are among `orbits`.
     outcome : tuple of two str
         Why it ends at its first and at its last orbit: "range", "grazing", "inadmissible", "period_doubling",
-        "pitchfork", "closed", "impacts_merge", "lost", "budget" or "stopped".
+        "pitchfork", "closed", "impacts_merge", "end_of_sticking", "fold", "lost", "budget" or "stopped".
     message : str
         The outcome in sentences.
     """
@@ -116,7 +118,7 @@ class Branch:
     @property
     def dataset(self) -> xr.Dataset:
         """The branch as a labelled dataset over `point`, its special points over `special`."""
-        p, model = max(orbit.n_impacts for orbit in self.orbits), self.orbits[0].model
+        p, model = max(len(orbit.velocities) for orbit in self.orbits), self.orbits[0].model
         several = zip_longest(*(orbit.multipliers for orbit in self.orbits), fillvalue=math.nan)
         multipliers = np.array(list(several)).T  # a centre that drag brakes has one more than a free one
         content = orbit_variables(self.orbits, p, "point") | {

@@ -18,7 +18,8 @@ from vibroimpact.continuation.following import EDGE, GROWTH, UNKNOWN, Way
 from vibroimpact.model import Model
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.orbit import Orbit, family_of, value_of
-from vibroimpact.orbits.sticking import KIND, MET, Stick, from_release, residual, sticking_orbit
+from vibroimpact.orbits.sticking import Stick, from_release, sticking_orbit
+from vibroimpact.orbits.sticking_end import KIND, MET, residual
 from vibroimpact.progress import Report
 
 Place = tuple[float, float]  # in a plane, in parts of its ranges from where its curve begins
@@ -52,7 +53,7 @@ class Last:
     @property
     def residual(self) -> float:
         """How far the end of the chatter is from the release."""
-        return residual(self.model.at(), self.stick.fraction if self.stick else math.nan)
+        return residual(self.model.at().restitution, self.stick.fraction if self.stick else math.nan)
 
     @property
     def touch_phase(self) -> float:
@@ -114,7 +115,7 @@ class Sticking:
 
     def _level(self, at: Place) -> float:
         """Return the level that falls linearly to zero at the end of the cycle, or NaN where it is not there."""
-        return residual(self.model_at(at).at(), self.stuck(at))
+        return residual(self.model_at(at).at().restitution, self.stuck(at))
 
     def end(self, path: Path, out: float, into: float) -> float | None:
         """Return where on a path the cycle ends, on its side, or None if not by its chatter's end."""

@@ -18,6 +18,14 @@ from vibroimpact.orbits.equations import SAME, TURN, Cycle, Floats, fastest_of, 
 from vibroimpact.parameters import invalid
 
 
+class Rest(NamedTuple):
+    """A rest at a stop: its name, and when it begins and ends in driving periods; the whole cycle if it never opens."""
+
+    stop: str
+    begin: float
+    end: float
+
+
 @dataclass(frozen=True)
 class Orbit:
     """A period-n impact-p motion, stable or not, of one oscillator; base of those of systems.
@@ -88,6 +96,14 @@ class Orbit:
         """A state on the orbit: just before its first impact, or at its release from the stop."""
         phase, velocity = (self.release_phase, 0.0) if self.sticks else (self.phases[0], self.velocities[0])
         return State(self.oscillator.gap, velocity, phase * self.oscillator.period)
+
+    @cached_property
+    def rests(self) -> tuple[Rest, ...]:
+        """Rests at the stop: one in a cycle that sticks."""
+        if not self.sticks:
+            return ()
+        end = self.n_periods + self.release_phase
+        return (Rest(self.oscillator.stops[0].name, end - self.stuck_time / self.oscillator.period, end),)
 
     @property
     def trace(self) -> float:

@@ -4,19 +4,6 @@ The force releases a resting mass where f sin(w t) falls through k g: once per p
 erases all memory, so the motion from one release to the next *is* the cycle: an oscillator has one sticking
 orbit or none, and it sticks once per cycle.
 
-Sticking ends where the end of the chatter meets the release. Close to the release the force pressing the mass falls
-linearly, a = j s with s the time still to go. In the scaled velocity q = v / (j s^2) one impact leads to the next by a
-map of q alone; its fixed point is a chatter that ends in the very release:
-
-    (1 - x)^2 (3 - x) = r (3 - 2 x),     s -> (1 - x) s,     dq -> r (3 - x) / ((3 - 2 x) (1 - x)^3) dq.
-
-Weaker impacts complete their chatter before the release, stronger ones never do. A parameter d away from the end of
-sticking therefore leaves a stuck time that goes as d^e, e = ln(1/(1 - x)) / ln(r (3 - x) / ((3 - 2 x) (1 - x)^3)),
-from 1 at r = 0 down to 0.6 at r = 1: in double precision, d = 1e-16, the mass may still rest for 1e-9 of a period.
-
-A graze does not end sticking: the impact it adds has velocity zero, and all that follows changes continuously, though
-with infinite slope. So a sticking cycle is lost at the end of its own chatter, or at that of one in an earlier period.
-
 Chatter and its limit are those of C. Budd and F. Dux, "Chattering and related behaviour in impact oscillators", Phil.
 Trans. R. Soc. Lond. A 347 (1994) 365-389, and of A. B. Nordmark and P. T. Piiroinen, "Simulation and stability analysis
 of impacting systems with complete chattering", Nonlinear Dynamics 58 (2009) 85-106.
@@ -36,12 +23,11 @@ from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.recorder import END, MEMORY, Recorder, begin, record
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator, the_oscillator
-from vibroimpact.motion import cycle_name
 from vibroimpact.motion.neighbours import resolved
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import Floats
-from vibroimpact.orbits.orbit import Orbit, check_pair, family_of
-from vibroimpact.parameters import invalid, whole_number
+from vibroimpact.orbits.orbit import Orbit, family_of
+from vibroimpact.parameters import whole_number
 
 # Close to the end of sticking a chatter that is cut off early would hold a mass that flies on: impacts of 1e-12 V still
 # leave the last 1e-6 T open. At this cutoff only 1e-14 T are left.
@@ -204,164 +190,3 @@ def sticking_orbit(model: Model, stick: Stick, chatter: float) -> Orbit:
         stuck_time=stick.fraction * osc.period,
         family=family_of(model),
     )
-
-
-KIND = "end_of_sticking"
-MET = 1e-7  # largest (stuck time / T)^(1/e): usually 1e-16, its square root beside a graze, 1e-2 where it jumps
-LIFTED = 1e-6  # of f: a preload this close to f counts as one that the force never lifts
-
-
-def scaling_exponent(restitution: float) -> float:
-    """Return e of stuck time ~ distance^e at the end of sticking: 1 at r = 0, 0.6 in the limit r = 1.
-
-    Examples
-    --------
-    >>> round(scaling_exponent(0.8), 6), scaling_exponent(0.0), scaling_exponent(1.0)
-    (0.600318, 1.0, 0.6)
-    """
-    r = restitution
-    if r < 1e-12 or r > 1.0 - 1e-6:
-        return 1.0 if r < 0.5 else 0.6
-    low, high = 0.0, 1.0
-    while (x := 0.5 * (low + high)) not in (low, high):
-        low, high = (x, high) if (1.0 - x) ** 2 * (3.0 - x) > r * (3.0 - 2.0 * x) else (low, x)
-    growth = math.log(r * (3.0 - x) / (3.0 - 2.0 * x)) - 3.0 * math.log1p(-x)
-    return -math.log1p(-x) / growth
-
-
-def residual(osc: ImpactOscillator, stuck_fraction: float) -> float:
-    """Return (stuck time / T)^(1/e), linear in every parameter: how far the end of the chatter is from the release."""
-    return float(max(stuck_fraction, 0.0) ** (1.0 / scaling_exponent(osc.restitution)))
-
-
-@dataclass(frozen=True)
-class StickingEnd:
-    """A point of the boundary at which a sticking cycle is lost because the end of its chatter meets the release.
-
-    Parameters
-    ----------
-    oscillator : ImpactOscillator
-        With the parameter at the boundary: the last value in double precision at which the mass still sticks.
-    parameter, value : str, float
-        What was varied, and its value there; NaN if none was found.
-    n_periods : int
-        Driving periods of the sticking cycle that ends here.
-    stuck_fraction : float
-        Time at rest over T at that value.
-    residual : float
-        (stuck time / T)^(1/e), which falls linearly to zero; below 1e-10 if found, or 1e-7 beside a graze.
-    outcome : str
-        "found"; "no_change" (the same cycle, or none, at both values), "pressed_for_ever" (beyond `value` the mass is
-        never released), "unresolved" (the stuck time jumps between neighbouring numbers).
-    message : str
-        The outcome in a sentence.
-    orbit : Orbit or None
-        The sticking cycle at the boundary.
-    """
-
-    oscillator: ImpactOscillator
-    parameter: str
-    value: float = math.nan
-    n_periods: int = 0
-    stuck_fraction: float = math.nan
-    residual: float = math.nan
-    outcome: str = "found"
-    message: str = ""
-    orbit: Orbit | None = None
-    kind: str = KIND
-
-    @property
-    def found(self) -> bool:
-        """Whether this is an end of sticking."""
-        return self.outcome == "found"
-
-
-def end_of_sticking(
-    osc: ImpactOscillator | Model, parameter: str, between: tuple[float, float], *, longest: int = LONGEST
-) -> StickingEnd:
-    r"""Find where a sticking cycle is lost: the end of its chatter meets the release, and the stuck time is zero.
-
-    .. math:: t_\infty(p) = t_r(p) + n T(p)
-
-    Parameters
-    ----------
-    osc : ImpactOscillator or family
-        The model; its own value of `parameter` does not matter.
-    parameter : str
-        What is varied: any parameter of the model.
-    between : tuple of two float
-        Values of the parameter; the mass sticks at one of them; at the other it does not, or after more periods.
-    longest : int, >= 1
-        Driving periods after which a mass that has not come to rest is taken not to stick.
-
-    Returns
-    -------
-    StickingEnd
-        The boundary and its outcome; the cycle followed is that of fewer periods.
-
-    Raises
-    ------
-    ValueError
-        `parameter` is unknown, or `between` is not a pair of different values in its range.
-
-    Notes
-    -----
-    By bisection on whether the mass rests, down to neighbouring floating-point numbers, where the stuck time is about
-    1e-10 to 1e-8 of T: it vanishes as the distance to the power `scaling_exponent`. Of several ends between the values
-    one is found. About 60 walks from the release, 10 to 30 ms.
-
-    References
-    ----------
-    .. [1] A. B. Nordmark and P. T. Piiroinen, "Simulation and stability analysis of impacting systems with complete
-       chattering", Nonlinear Dynamics 58 (2009) 85-106.
-
-    Examples
-    --------
-    >>> point = end_of_sticking(ImpactOscillator(), "omega", (0.3, 0.4))
-    >>> point.n_periods, round(point.value, 12)
-    (1, 0.347180413266)
-    """
-    the_oscillator(osc)
-    inside, outside = check_pair(osc, parameter, "between", between)
-    longest = whole_number("longest", longest, 1)
-    if inside == outside:
-        raise invalid("between", between, f"two different values of {parameter}")
-
-    def periods(value: float, most: int) -> int:
-        return periods_from_release(osc.at(**{parameter: value}), most)
-
-    lengths = {value: periods(value, longest) for value in (inside, outside)}
-    if lengths[inside] == lengths[outside]:
-        what = cycle_name(lengths[inside], -1) if lengths[inside] else "no sticking orbit"
-        message = f"{what} at `{parameter}` = {inside:g} and at {outside:g}; give values with a change between them"
-        return StickingEnd(osc.at(), parameter, outcome="no_change", message=message)
-    if not lengths[inside] or 0 < lengths[outside] < lengths[inside]:
-        inside, outside = outside, inside
-    n_periods = lengths[inside]
-    narrow = 1e-17 * abs(inside - outside)
-    while abs(inside - outside) > narrow and (middle := 0.5 * (inside + outside)) not in (inside, outside):
-        same = periods(middle, n_periods) == n_periods
-        inside, outside = (middle, outside) if same else (inside, middle)
-    if 0 < periods(outside, n_periods) < n_periods:  # lost to the chatter of an earlier period, which has its end here
-        inside, outside = outside, inside
-    return _point(osc.replace(**{parameter: inside}), parameter, inside, osc.at(**{parameter: outside}))
-
-
-def _point(model: Model, parameter: str, value: float, beyond: ImpactOscillator) -> StickingEnd:
-    osc = model.at()
-    stick = from_release(osc, LONGEST)
-    assert stick is not None
-    orbit = sticking_orbit(model, stick, Tolerances().chatter)
-    fraction = orbit.stuck_time / osc.period
-    left = residual(osc, fraction)
-    outcome, message = "found", ""
-    if left > MET and beyond.stiffness * beyond.gap <= -(1.0 - LIFTED) * beyond.amplitude:
-        outcome = "pressed_for_ever"
-        message = f"beyond `{parameter}` = {value!r} the force no longer lifts the mass off the stop (k g <= -f)"
-    elif left > MET:
-        outcome = "unresolved"
-        message = (
-            f"the mass rests for {fraction:.3g} T at `{parameter}` = {value!r} and not at the next number: "
-            "a long transient magnifies rounding beyond double precision; look for cycles of fewer periods"
-        )
-    return StickingEnd(osc, parameter, value, orbit.n_periods, fraction, left, outcome, message, orbit)

@@ -18,7 +18,8 @@ import numpy as np
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.coexistence.measuring import AT_REST, Runner, Start, cells_of
 from vibroimpact.motion import MotionClass
-from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release
+from vibroimpact.orbits.sticking import periods_from_release
+from vibroimpact.orbits.sticking_end import end_of_sticking
 from vibroimpact.status import Status
 from vibroimpact.verdict.branches import MOST, Branch, Branches
 from vibroimpact.verdict.carried import SECTIONS, UNSURE, Track, carry

@@ -290,8 +290,8 @@ class Phase:
                 if i * self.stride + first > longest:
                     break
                 return i * self.stride + first, self.moved(states[i], first), [j for j in at if at[j] == first]
-        span = min(longest, BLOCK * self.stride)
-        return span, states[-1] if count == BLOCK else self.moved(x, span), []
+        whole = BLOCK * self.stride
+        return (whole, states[-1], []) if longest >= whole else (longest, self.moved(x, longest), [])
 
     def _first_zero(self, rows: Floats, x: Floats, begin: float) -> float | None:
         """Return the time when a value falls through zero within a stride: its extrema are bracketed, then its root."""

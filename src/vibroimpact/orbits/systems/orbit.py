@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,21 +15,13 @@ from vibroimpact.model.stops import Stop
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.orbit import Orbit, family_of
+from vibroimpact.orbits.orbit import Orbit, Rest, family_of
 from vibroimpact.orbits.systems.admissibility import objection
 from vibroimpact.orbits.systems.contacts import Contact, contacts_of
 from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.symmetry import mirror
-
-
-class Rest(NamedTuple):
-    """A rest at a stop: its name, and when it begins and ends in driving periods; the whole cycle if it never opens."""
-
-    stop: str
-    begin: float
-    end: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +53,8 @@ class SystemOrbit(Orbit):
         `peak_force` in N, `penetration` in m, and the energy `lost` at the stop in J; NaN on a rigid one.
     rests : tuple of Rest
         Rests at rigid stops, each the `stop` and when it `begin`s and `end`s in driving periods, as `turns` have them.
-        Of a chatter the impacts above 1e-9 V are listed.
+        Of a chatter the impacts above 1e-9 V are listed. A cycle that rests is listed from the end of the longest rest
+        at the first of the system's stops that it rests at.
     neutral : tuple of complex
         Multipliers of a free centre, where masses without a spring to the ground strike one another: 1 of its place,
         and 1, or less under drag, of its drift. No stop feels them, and they decide nothing; `multipliers` are the

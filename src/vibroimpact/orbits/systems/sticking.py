@@ -12,6 +12,7 @@ rates.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,13 +27,14 @@ from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import SAME, TURN
 from vibroimpact.orbits.found import Guess, Orbits, lost, other_name
 from vibroimpact.orbits.newton import CLOSE, MOST, SINGULAR, Solved
-from vibroimpact.orbits.orbit import family_of
+from vibroimpact.orbits.orbit import Rest, family_of
 from vibroimpact.orbits.systems.contacts import Contact
 from vibroimpact.orbits.systems.cycle import multipliers_of
 from vibroimpact.orbits.systems.flow import Flow
-from vibroimpact.orbits.systems.orbit import Rest, SystemOrbit, at_rest, phases_of
+from vibroimpact.orbits.systems.orbit import SystemOrbit, at_rest, phases_of
 from vibroimpact.parameters import invalid
 
+RETURNS = 100  # driving periods of a cycle, at most, that is recognised from rest
 SETTLING = 1000  # driving periods from rest, before those that Newton's method starts from
 
 
@@ -61,8 +63,14 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOr
         system.cells({}, guess.state)  # refused where it does not fit
     carrier, name = Carrier(system.cells({}), Tolerances()), cycle_name(n_periods, -1)
     try:
-        state = guess.state or _settled(system)
-        if not guess.sticks:
+        if guess.state is None:
+            seen = _settled(system)
+            state = State(seen.look_displacement[0], seen.look_velocity[0], seen.look_phase[0] * system.period)
+        else:
+            state = guess.state
+        if guess.sticks:  # at the same phase, which is quiet
+            state = replace(state, time=state.time * system.period / guess.orbit.oscillator.period)
+        else:
             state = _quiet(system, carrier, state, n_periods)
         found, derivative = _solve(carrier, state, system.period, n_periods)
     except ValueError as error:  # beyond a stop, or not to be followed
@@ -70,9 +78,13 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOr
     if found.singular or not found.converged:
         return lost(found, name)
     state = _state(carrier, found.z, state.time)
+    if guess.sticks:
+        state = _quiet(system, carrier, state, n_periods)
     cycle = _follow(system, state, n_periods)
     apart = np.abs(cycle.moves - cycle.moves[0]).max(axis=1) / np.abs(cycle.moves[0]).max()
-    periods = next(n for n in range(1, n_periods + 1) if n_periods % n == 0 and apart[n] <= SAME)
+    periods = next((n for n in range(1, n_periods + 1) if n_periods % n == 0 and apart[n] <= SAME), 0)
+    if not periods:  # Newton's method stood still, but the motion goes elsewhere
+        return lost(found, name)
     if not (cycle.rests and len(cycle.times)):
         reached = cycle_name(periods, len(cycle.times) * periods // n_periods)
         return Orbits(outcome="other_name", message=f"converged to a {reached} orbit, which rests at no stop")
@@ -82,13 +94,25 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOr
     return Orbits([orbit], message=f"1 {name} orbit")
 
 
-def _settled(system: ImpactSystem) -> State:
-    """Return the state to which the motion from rest has come."""
-    samples: Any
-    (samples,) = get_backend("cpu").samples(system.cells({}), Measurement(StroboscopicWindow(SETTLING, 1)))
-    if not len(samples.look_phase):
+def _settled(system: ImpactSystem, looks: int = 1) -> Any:
+    """Return what is seen of the motion from rest, once a driving period, when it has settled."""
+    (samples,) = get_backend("cpu").samples(system.cells({}), Measurement(StroboscopicWindow(SETTLING, looks)))
+    if len(samples.look_phase) < looks:
         raise ValueError("the motion from rest could not be followed; give `near`")
-    return State(samples.look_displacement[0], samples.look_velocity[0], samples.look_phase[0] * system.period)
+    return samples
+
+
+def periods_from_rest(system: ImpactSystem, longest: int) -> int:
+    """Return the driving periods (up to 100) of the cycle that the motion from rest settles to, if it rests; else 0."""
+    try:
+        samples = _settled(system, min(longest, RETURNS) + 1)
+    except ValueError:
+        return 0
+    states = np.hstack([samples.look_displacement, samples.look_velocity / system.velocity_scale])
+    apart = np.abs(states[1:] - states[0]).max(axis=1) / np.abs(states).max()
+    again = np.flatnonzero(apart <= SAME)
+    over = samples.rest_end.sum(axis=1) < samples.look_periods[0] + samples.look_phase[0]
+    return int(again[0]) + 1 if len(again) and not over.all() else 0
 
 
 def _state(carrier: Carrier, x: Floats, time: float) -> State:
@@ -105,13 +129,18 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _Cycle:
     centre = form.inverse[form.neutral[0]].T @ form.shapes[:, form.neutral[0]].T
     times = samples.impact_periods + samples.impact_phase
     within = times < first + n_periods
-    rests = []
+    rests: list[Rest] = []
     for stop, begin, end in zip(
         samples.rest_stop, samples.rest_begin.sum(axis=1), samples.rest_end.sum(axis=1), strict=True
     ):
         lasts = math.isnan(end)
-        if first < begin < first + n_periods or (lasts and begin <= first):
+        # Beside an end of sticking the last impacts of a chatter, below the cut, may outlast what presses.
+        chatters_on = end <= begin
+        if not chatters_on and (first < begin < first + n_periods or (lasts and begin <= first)):
             rests.append(Rest(names[stop], float(begin), float(first + n_periods if lasts else end)))
+    # Where the cycle is entered within a rest, that is seen once more, whole, at its end.
+    ends = [rest.end - n_periods for rest in rests]
+    rests = [rest for rest in rests if not any(abs(rest.end - end) <= SAME for end in ends)]
     return _Cycle(
         times[within],
         tuple(names[stop] for stop in samples.impact_stop[within]),
@@ -123,17 +152,24 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _Cycle:
 
 
 def _quiet(system: ImpactSystem, carrier: Carrier, state: State, n_periods: int) -> State:
-    """Return a motion's state in the middle of its longest quiet time, with all stops open if it has one."""
+    """Return a motion's state in the middle of its longest quiet time, with all stops open if it has one.
+
+    It stays in the present one unless another is twice as long.
+    """
     cycle, first = _follow(system, state, n_periods), state.time / system.period
     begins, ends = np.array([rest[1:] for rest in cycle.rests]).reshape(-1, 2).T
-    times = first + (np.concatenate([cycle.times, begins, ends]) - first) % n_periods
-    times = np.unique([first, *times, first + n_periods])
-    middles, lengths = 0.5 * (times[1:] + times[:-1]), np.diff(times)
-    free = ((middles[:, None] - begins) % n_periods >= ends - begins).all(axis=1)
+    events = np.unique((np.concatenate([cycle.times, begins, ends]) - first) % n_periods)
+    if not len(events):
+        return state
+    lengths = np.diff(events, append=events[0] + n_periods)
+    middles = events + 0.5 * lengths
+    free = ((first + middles[:, None] - begins) % n_periods >= ends - begins).all(axis=1)
+    lengths[-1] *= 2.0  # this is where the state lies
     at = max(range(len(middles)), key=lambda i: (free[i], lengths[i]))
     x = carrier.state(np.array(state.displacement), np.array(state.velocity))
-    x, _ = carrier.over(x, first % 1.0, middles[at] - first)
-    return _state(carrier, x, middles[at] % 1.0 * system.period)
+    later = middles[at] % n_periods
+    x, _ = carrier.over(x, first % 1.0, later)
+    return _state(carrier, x, (first + later) % 1.0 * system.period)
 
 
 def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tuple[Solved, Floats]:
@@ -167,8 +203,29 @@ def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tup
     return Solved(x, False), derivative
 
 
+def _from_release(cycle: _Cycle, names: tuple[str, ...], n_periods: int) -> _Cycle:
+    """Return a cycle from the end of its longest rest at the first stop that it rests at."""
+    first = min(cycle.rests, key=lambda rest: (names.index(rest.stop), rest.begin - rest.end))
+    release = first.end
+    times = release + (cycle.times - release) % n_periods
+    order = np.argsort(times, kind="stable")
+    later = [release + (rest.begin - release) % n_periods for rest in cycle.rests]
+    rests = sorted(
+        (Rest(rest.stop, begin, begin + rest.end - rest.begin) for rest, begin in zip(cycle.rests, later, strict=True)),
+        key=lambda rest: rest.begin,
+    )
+    return cycle._replace(
+        times=times[order],
+        stops=tuple(cycle.stops[at] for at in order),
+        velocities=cycle.velocities[order],
+        impulses=cycle.impulses[order],
+        rests=tuple(rests),
+    )
+
+
 def _orbit(model: Model, cycle: _Cycle, state: State, multipliers: tuple[complex, ...], n_periods: int) -> SystemOrbit:
     system: ImpactSystem = model.at()
+    cycle = _from_release(cycle, system.stop_names, n_periods)
     whole = math.floor(cycle.times[0])
     turns = tuple((cycle.times - whole).tolist())
     rests = tuple(Rest(stop, begin - whole, end - whole) for stop, begin, end in cycle.rests)
