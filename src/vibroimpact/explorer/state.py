@@ -10,7 +10,16 @@ from functools import cached_property
 from itertools import product
 from typing import Any
 
-from vibroimpact.explorer.limits import EDGE, PIN, Range, check_limits, checked_range, checked_start, made_of, stiffness
+from vibroimpact.explorer.limits import (
+    EDGE,
+    PIN,
+    Range,
+    check_limits,
+    checked_range,
+    checked_start,
+    stiffness,
+    system_of,
+)
 from vibroimpact.figures import MOTION
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State
@@ -136,11 +145,11 @@ class View:
         for where, points in (("", [self.osc]), (PIN, self.pins), (EDGE, self.corners())):
             for osc in points:
                 check_limits(osc, where)
-        for kind, number in (("coordinate", self.made.coordinates), ("stop", len(self.made.stops))):
+        for kind, number in (("coordinate", self.system.coordinates), ("stop", len(self.system.stops))):
             if getattr(self, kind) > number:
                 raise invalid(kind, getattr(self, kind), f"at most {number}, as many as there are")
         if self.start is not None:
-            object.__setattr__(self, "start", checked_start(self.start, self.made))
+            object.__setattr__(self, "start", checked_start(self.start, self.system))
 
     @cached_property
     def table(self) -> dict[str, Parameter]:
@@ -148,9 +157,9 @@ class View:
         return table(self.osc)
 
     @cached_property
-    def made(self) -> Any:
+    def system(self) -> Any:
         """The oscillator or system at the point."""
-        return made_of(self.osc)
+        return system_of(self.osc)
 
     def corners(self) -> list[Model]:
         """Return the models at the plane's four corners."""
@@ -242,13 +251,14 @@ def symbol(parameter: Parameter) -> str:
     return GREEK.get(parameter.symbol, parameter.symbol) if has_symbol else parameter.long_name
 
 
-def unit(parameter: Parameter) -> str:
-    """Return a parameter's unit; "" where it has none."""
-    return "" if parameter.unit == "1" else parameter.unit
+def shown_unit(unit: str) -> str:
+    """Return a unit as it is shown: nothing for a pure number."""
+    return "" if unit == "1" else unit
 
 
 def parameter_label(parameter: Parameter, units: bool = True) -> str:
     """Return 'driving frequency ω [rad/s]'."""
     name = SHORTER.get(parameter.long_name, parameter.long_name)
     label = name if symbol(parameter) == parameter.long_name else f"{name} {symbol(parameter)}"
-    return f"{label} [{unit(parameter)}]" if units and unit(parameter) else label
+    unit = shown_unit(parameter.unit)
+    return f"{label} [{unit}]" if units and unit else label
