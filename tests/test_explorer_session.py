@@ -243,7 +243,7 @@ def test_the_page_hatches_a_plane_until_there_is_another_one():
 def test_boundaries_have_the_colours_that_they_have_in_figures():
     kinds = ["grazing", "fold", "grazing"]
     drawn = PlaneView()
-    parts = drawn.show_curves(Curves([np.zeros(2)] * 3, [np.zeros(2)] * 3, kinds, kinds))
+    parts = drawn.show_curves(Curves([np.zeros((2, 2))] * 3, kinds, kinds))
     assert parts["curves"]["colors"] == [BOUNDARY_COLORS[kind] for kind in kinds]
     named = [kind for kind, (color, _) in BOUNDARY_COLORS.items() if parts["#boundaries"]["html"].count(color) == 1]
     assert named == ["fold", "grazing"]

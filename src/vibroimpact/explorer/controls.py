@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from vibroimpact import models
-from vibroimpact.explorer.address import BY_NAME, PRESETS, Preset, case_of, ranges_for
+from vibroimpact.explorer.address import BY_NAME, PRESETS, case_of, ranges_for
 from vibroimpact.explorer.limits import Range, allowed_range, parts_of
 from vibroimpact.explorer.models import first_view
 from vibroimpact.explorer.session import Explorer
@@ -172,7 +172,7 @@ class Controls:
         """Return the source of a case's numbers; else what to do, and what is shown of several."""
         case = case_of(self.explorer.view)
         if case is not None:
-            return _description(case)
+            return f"<p><b>{case.title}.</b> {case.source}</p><p><b>Idealised:</b> {case.idealised}</p>"
         return _ABOUT.format(_OF_SEVERAL if self._several else "")
 
     def rows(self) -> dict[str, tuple[float, float, float]]:
@@ -195,10 +195,6 @@ class Controls:
         """Whether the range of a parameter spans decades."""
         low, high = self.ranges[name]
         return low > 0.0 and high >= DECADES * low
-
-
-def _description(case: Preset) -> str:
-    return f"<p><b>{case.title}.</b> {case.source}</p><p><b>Idealised:</b> {case.idealised}</p>"
 
 
 def _index_options() -> list[tuple[str, str]]:

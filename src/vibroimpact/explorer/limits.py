@@ -27,8 +27,6 @@ STIFFEST = 1000.0  # fastest rate over slowest: steps per impact grow with it
 MOST_STEPS = 1e6  # granted a motion, about half a second
 LEAST_STEPS = 400.0  # granted an impact even so: driven a hundred times as fast as it swings, it needs some 300
 LONGEST_AGO = 1e9  # driving periods between time 0 and an initial condition: beyond, its phase is lost
-EDGE, PIN = " at the edge of the plane", " in a pin"
-
 HALVINGS = 24  # of the way to an end that is refused
 
 

@@ -188,7 +188,6 @@ Stored = Callable[[View], Plane | None]  # gives a view its plane from a stored 
 class Line:
     """Impact velocities over one parameter, each given once."""
 
-    parameter: str
     ends: Range
     values: Floats
     velocities: Floats
@@ -196,10 +195,9 @@ class Line:
 
 @dataclass(frozen=True)
 class Curves:
-    """Boundaries in the plane: points, kinds and descriptions."""
+    """Boundaries in the plane."""
 
-    x: list[Floats]
-    y: list[Floats]
+    points: list[Floats]  # (n, 2) of each
     kinds: list[str]
     descriptions: list[str]
 
@@ -218,7 +216,7 @@ def compute_line(view: View, keep_going: KeepGoing) -> Line:
     rounded = np.round(velocity[finite] * (RESOLUTION / largest)).astype(np.int64)
     rows = np.broadcast_to(np.arange(len(velocity))[:, None], velocity.shape)[finite]
     _, distinct = np.unique(rows * (RESOLUTION + 1) + rounded, return_index=True)
-    return Line(parameter, (low, high), values[rows[distinct]], velocity[finite][distinct])
+    return Line((low, high), values[rows[distinct]], velocity[finite][distinct])
 
 
 def _velocities(view: View, parameter: str, values: Floats) -> Floats:
@@ -247,10 +245,8 @@ def find_curves(view: View, keep_going: KeepGoing) -> Curves:
         n_periods=FOLLOWED,
         progress=lambda *progress: keep_going(),
     )
-    points = [np.asarray(curve.values, dtype=np.float64) for curve in boundaries]
     return Curves(
-        x=[at[:, 0] for at in points],
-        y=[at[:, 1] for at in points],
+        points=[np.asarray(curve.values, dtype=np.float64) for curve in boundaries],
         kinds=[curve.kind for curve in boundaries],
         descriptions=[f"{curve.kind.replace('_', ' ')}, {_motion_at(curve.orbits[0])}" for curve in boundaries],
     )

@@ -22,7 +22,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from vibroimpact.explorer.address import from_query
 from vibroimpact.explorer.controls import BUTTONS, EXPORTS, MENUS, TICKS
-from vibroimpact.explorer.models import Find, find_ready_made
+from vibroimpact.explorer.models import Find
 from vibroimpact.explorer.packing import packed
 from vibroimpact.explorer.page import Page
 from vibroimpact.explorer.plane import Stored
@@ -49,11 +49,11 @@ class Tabs:
     ----------
     view : View
         What a tab shows whose address names nothing.
-    stored, find : callable, optional
+    stored, find : callable
         As for `Explorer`.
     """
 
-    def __init__(self, view: View, stored: Stored | None = None, find: Find = find_ready_made) -> None:
+    def __init__(self, view: View, stored: Stored | None, find: Find) -> None:
         self._view, self._stored, self._find = view, stored, find
         self._pool = Pool()
         self.open: set[Socket] = set()

@@ -10,16 +10,7 @@ from functools import cached_property
 from itertools import product
 from typing import Any
 
-from vibroimpact.explorer.limits import (
-    EDGE,
-    PIN,
-    Range,
-    check_limits,
-    checked_range,
-    checked_start,
-    stiffness,
-    system_of,
-)
+from vibroimpact.explorer.limits import Range, check_limits, checked_range, checked_start, stiffness, system_of
 from vibroimpact.figures import MOTION
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State
@@ -142,7 +133,8 @@ class View:
             name = f"{axis}_range"
             parameter = self.table[getattr(self, axis)]
             object.__setattr__(self, name, checked_range(axis, parameter, getattr(self, name)))
-        for where, points in (("", [self.osc]), (PIN, self.pins), (EDGE, self.corners())):
+        corners = self.corners()
+        for where, points in (("", [self.osc]), (" in a pin", self.pins), (" at the edge of the plane", corners)):
             for osc in points:
                 check_limits(osc, where)
         for kind, number in (("coordinate", self.system.coordinates), ("stop", len(self.system.stops))):
@@ -184,7 +176,7 @@ class View:
     def line_key(self) -> tuple[Any, ...]:
         """What the diagram depends on."""
         along, ends = self.along
-        return along, ends, self.stop, self._others(along)
+        return along, ends, self.stop, self._fixed(along)
 
     @property
     def boundary_key(self) -> tuple[Any, ...]:
@@ -193,9 +185,9 @@ class View:
 
     @property
     def _plane(self) -> tuple[Any, ...]:
-        return self.x, self.y, self.x_range, self.y_range, self._others(self.x, self.y)
+        return self.x, self.y, self.x_range, self.y_range, self._fixed(self.x, self.y)
 
-    def _others(self, *varied: str) -> tuple[Any, ...]:
+    def _fixed(self, *varied: str) -> tuple[Any, ...]:
         """Return the model, and its parameters that are not varied."""
         return self.model, *(value for name, value in self.osc.values.items() if name not in varied)
 

@@ -122,12 +122,11 @@ class PlaneView:
 
     def show_curves(self, curves: Curves | None) -> Parts:
         """Draw boundaries over the plane, or remove them."""
-        curves = curves or Curves([], [], [], [])
+        curves = curves or Curves([], [], [])
         colors = [BOUNDARY_COLORS[kind] for kind in curves.kinds]
-        places = [np.column_stack([x, y]) for x, y in zip(curves.x, curves.y, strict=True)]
         drawn = {
-            "lengths": [len(points) for points in places],
-            "places": np.concatenate([np.empty((0, 2)), *places]).ravel(),
+            "lengths": [len(points) for points in curves.points],
+            "places": np.concatenate([np.empty((0, 2)), *curves.points]).ravel(),
             "colors": colors,
             "words": curves.descriptions,
         }
