@@ -9,8 +9,8 @@ import pytest
 
 import vibroimpact as vi
 from vibroimpact.explorer.address import from_query, keys, ranges_for, to_query
-from vibroimpact.explorer.limits import granted, stiffness
-from vibroimpact.explorer.models import finder, first_view, only_known, opened, usual_range
+from vibroimpact.explorer.limits import budget, stiffness
+from vibroimpact.explorer.models import find_ready_made, finder, first_view, open_model, usual_range
 from vibroimpact.explorer.plane import SIDES, TRANSIENT, Plane, lattice, sides
 from vibroimpact.explorer.point import compute_point
 from vibroimpact.explorer.session import Explorer
@@ -33,7 +33,7 @@ def shaker(unbalance=0.002, rpm=1500.0, clearance_mm=0.5):
 
 
 def of(name):
-    return first_view(only_known(name), name)
+    return first_view(find_ready_made(name), name)
 
 
 @pytest.mark.parametrize("name", vi.models.__all__)
@@ -52,7 +52,7 @@ def test_a_plane_lies_over_the_frequency_and_what_moves_a_stop():
         "two_sided_oscillator": ("frequency", "left_gap"), "idle_gear": ("rpm", "backlash"),
         "unbalanced_machine": ("rpm", "gap"),
     }  # fmt: skip
-    view, find = opened(shaker, "shaker.py:shaker")
+    view, find = open_model(shaker, "shaker.py:shaker")
     assert (view.x, view.y, view.model) == ("rpm", "clearance_mm", "shaker.py:shaker")
     assert from_query(to_query(view), find) == view
 
@@ -82,7 +82,7 @@ def test_the_stop_and_the_coordinate_are_among_those_there_are():
 
 def test_a_slider_spans_a_decade_to_either_side_of_a_number_that_must_be_positive_and_all_of_a_bounded_range():
     view = of("bilinear_oscillator")
-    reach = {name: usual_range(parameter, view.osc.values[name], view.made) for name, parameter in view.table.items()}
+    reach = {name: usual_range(parameter, view.osc.values[name], view.system) for name, parameter in view.table.items()}
     assert reach["stop_stiffness"] == (1.2e4, 1.2e6)
     assert reach["frequency"] == (7.0 / 3.0, 21.0)
     assert reach["gap"] == (-1e-3, 3e-3)
@@ -109,7 +109,7 @@ def test_the_numbers_of_a_point_are_those_of_parameter_map():
     point = compute_point(view)
     sweep = vi.parameter_map(
         view.osc, frequency=[view.osc.values["frequency"]], indices=tuple(INDICES), transient_impacts=TRANSIENT,
-        sample_impacts=view.samples, tolerances=granted(stiffness(view.osc), TRANSIENT + view.samples),
+        sample_impacts=view.samples, tolerances=budget(stiffness(view.osc), TRANSIENT + view.samples),
     )  # fmt: skip
     for index in INDICES:
         assert point.indices[index] == pytest.approx(float(sweep[index][0]), nan_ok=True, rel=0.0)
@@ -165,7 +165,7 @@ def test_a_system_is_explored_with_its_pins_diagram_and_undo():
 
 def test_a_combination_that_raises_is_refused_with_its_place_and_the_page_goes_on():
     heard = []
-    explorer = Explorer(opened(shaker, "shaker")[0], listener=heard.extend)
+    explorer = Explorer(open_model(shaker, "shaker")[0], listener=heard.extend)
     assert explorer.view.y_range[1] == pytest.approx(1.2, rel=1e-3)  # as far as it can be made
     before = explorer.view
     assert not explorer.set_parameter("clearance_mm", 1.3)

@@ -13,7 +13,7 @@ import pytest
 import vibroimpact as vi
 from vibroimpact.backends.cpu import CpuBackend
 from vibroimpact.explorer.files import KINDS, export, python_lines, study_file
-from vibroimpact.explorer.limits import FINEST, granted
+from vibroimpact.explorer.limits import FINEST, budget
 from vibroimpact.explorer.plane import OTHERS, SIDES, TRANSIENT, Curves, Plane, bands, find_curves, lattice, positions
 from vibroimpact.explorer.point import Other, compute_point
 from vibroimpact.explorer.session import Explorer
@@ -180,7 +180,7 @@ def test_what_has_no_impact_from_rest_is_hatched_where_others_of_16_hit(heard):
     points = {"omega": positions(60.0, 220.0, at[:, 0]), "gap": positions(1e-4, 1.5e-3, at[:, 1])}
     sweep = vi.parameter_map(
         TUBE, points=points, start=OTHERS + 1, indices=["max_velocity"], sample_impacts=200,
-        tolerances=granted(view.stiffness, 300),
+        tolerances=budget(view.stiffness, 300),
     )  # fmt: skip
     assert not (sweep["max_velocity"].isel(start=0) > 0.0).any()
     assert ((sweep["max_velocity"].max("start") > 0.0) == (plane.elsewhere[tuple(at.T)] > 0.0)).all()
@@ -197,7 +197,7 @@ def test_the_worst_of_17_initial_conditions_is_that_of_figures_and_motions_stay_
     plane.side = 256
     axes = {view.x: plane.axis("x")[cells], view.y: plane.axis("y")[cells]}
     several = vi.parameter_map(
-        TUBE, start=17, transient_impacts=TRANSIENT, sample_impacts=200, tolerances=granted(view.stiffness, 300),
+        TUBE, start=17, transient_impacts=TRANSIENT, sample_impacts=200, tolerances=budget(view.stiffness, 300),
         indices=tuple(INDICES), **axes,
     )  # fmt: skip
     rest = several.isel(start=0)
@@ -243,7 +243,7 @@ def test_the_page_hatches_a_plane_until_there_is_another_one():
 def test_boundaries_have_the_colours_that_they_have_in_figures():
     kinds = ["grazing", "fold", "grazing"]
     drawn = PlaneView()
-    parts = drawn.show_curves(Curves([np.zeros(2)] * 3, [np.zeros(2)] * 3, kinds, kinds))
+    parts = drawn.show_curves(Curves([np.zeros((2, 2))] * 3, kinds, kinds))
     assert parts["curves"]["colors"] == [BOUNDARY_COLORS[kind] for kind in kinds]
     named = [kind for kind, (color, _) in BOUNDARY_COLORS.items() if parts["#boundaries"]["html"].count(color) == 1]
     assert named == ["fold", "grazing"]

@@ -15,7 +15,7 @@ import pytest
 import vibroimpact as vi
 from vibroimpact.explorer import plane, session, work
 from vibroimpact.explorer.files import export
-from vibroimpact.explorer.limits import FINEST, granted
+from vibroimpact.explorer.limits import FINEST, budget
 from vibroimpact.explorer.plane import SIDES, Plane, bands, compute_line, find_curves
 from vibroimpact.explorer.point import find_others
 from vibroimpact.explorer.session import Explorer
@@ -366,8 +366,8 @@ def test_a_closed_page_leaves_nothing_behind(pool):
 def test_a_budget_is_at_least_what_fast_driving_needs():
     for stiff in (1.0, 10.0, 100.0, 1000.0):
         for count in (40, 600, 900, 5100):
-            assert granted(stiff, count).steps_per_impact * stiff >= min(300.0, 100.0 * stiff)
-            assert granted(stiff, count).steps_per_impact * stiff * count <= 6e6
+            assert budget(stiff, count).steps_per_impact * stiff >= min(300.0, 100.0 * stiff)
+            assert budget(stiff, count).steps_per_impact * stiff * count <= 6e6
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only on Linux has a thread a niceness of its own")

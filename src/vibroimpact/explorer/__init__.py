@@ -82,8 +82,8 @@ def explore(
         asyncio.run(_serve(browser, store, model=model, name=name, port=port, host=host))
 
 
-async def _serve(browser: bool, *what: Any, **where: Any) -> None:
-    server, address = make_server(*what, **where)
+async def _serve(browser: bool, store: str | os.PathLike[str] | None, **options: Any) -> None:
+    server, address = make_server(store, **options)
     print(f"Explorer at {address} (stop with Ctrl-C)", flush=True)
     wait_for_others()
     if browser:
@@ -107,24 +107,24 @@ def make_server(
     if importlib.util.find_spec("tornado") is None:
         raise ImportError("the explorer needs the extra [web]; install it with: pip install 'vibroimpact[web]'")
     from vibroimpact.explorer.address import PRESETS
-    from vibroimpact.explorer.models import Find, only_known, opened
+    from vibroimpact.explorer.models import Find, find_ready_made, open_model
     from vibroimpact.explorer.server import Server, Tabs
 
     address = check_host(host)
     view, stored = PRESETS[0].view, None
-    find: Find = only_known
+    find: Find = find_ready_made
     if store is not None:
         from vibroimpact.explorer.stored import open_study
 
         view, stored, find = open_study(store, model, name)
     elif model is not None:
-        view, find = opened(model, name)
+        view, find = open_model(model, name)
     tabs = Tabs(view, stored, find)
     logging.getLogger("tornado.access").setLevel(logging.ERROR)
     fault: OSError | None = None
     for number in _ports(port, address):
         try:
-            _try(address, number)
+            _check_free(address, number)
             server = Server(tabs, address, number, origins(address, number), framed)
         except OSError as error:
             fault = error
@@ -132,9 +132,9 @@ def make_server(
         outer = socket.gethostname() if address == "0.0.0.0" else address
         return server, f"http://{'localhost' if is_loopback(address) else outer}:{number}/"
     tabs.close()
-    tried = f"port {port}" if port is not None else f"ports {PORTS[0]} to {PORTS[-1]}"
+    ports = f"port {port}" if port is not None else f"ports {PORTS[0]} to {PORTS[-1]}"
     reason = f" ({fault.strerror})" if fault and fault.strerror else ""
-    raise ValueError(f"`port`: cannot listen on {tried}{reason}; choose another with --port")
+    raise ValueError(f"`port`: cannot listen on {ports}{reason}; choose another with --port")
 
 
 def is_loopback(address: str) -> bool:
@@ -168,12 +168,12 @@ def origins(address: str, port: int) -> list[str]:
     return sorted(f"{name}:{port}" for name in names if name != "0.0.0.0")
 
 
-def _try(address: str, port: int) -> None:
+def _check_free(address: str, port: int) -> None:
     """Raise `OSError` if the server cannot listen on a port; tornado would leave its socket open."""
-    with socket.socket() as tried:
+    with socket.socket() as probe:
         if sys.platform != "win32":
-            tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        tried.bind((address, port))
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind((address, port))
 
 
 def _ports(port: int | None, address: str) -> Iterable[int]:

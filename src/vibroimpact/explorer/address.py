@@ -10,7 +10,7 @@ from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
 from vibroimpact.explorer.limits import Range, parts_of
-from vibroimpact.explorer.models import Find, first_view, only_known, usual_range
+from vibroimpact.explorer.models import Find, find_ready_made, first_view, usual_range
 from vibroimpact.explorer.state import CHOICES, View, no_number, table
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
@@ -24,12 +24,12 @@ KEYS = ("model", "x", "y", *(choice.key for choice in CHOICES.values()), "start"
 def keys(model: Model) -> dict[str, str]:
     """Return names of a model's parameters by their keys in an address: symbols where they serve."""
     symbols = [parameter.symbol for parameter in table(model).values()]
-    found = {}
+    names = {}
     for name, parameter in table(model).items():
         short = parameter.symbol
         key = short if short.isidentifier() and symbols.count(short) == 1 and short not in KEYS else name
-        found[f"{key}_" if key in KEYS else key] = name
-    return found
+        names[f"{key}_" if key in KEYS else key] = name
+    return names
 
 
 def to_query(view: View) -> str:
@@ -57,7 +57,7 @@ def to_query(view: View) -> str:
     return urlencode(pairs, safe=",:")
 
 
-def from_query(query: str, find: Find = only_known) -> View:
+def from_query(query: str, find: Find = find_ready_made) -> View:
     """Return the view that the query of a web address describes; of a repeated entry other than `pin` the last counts.
 
     `find` returns the model of a name; no file is run for a link.
@@ -87,26 +87,26 @@ def from_query(query: str, find: Find = only_known) -> View:
     return _view(model, names, dict(pairs), [text for name, text in pairs if name == "pin"])
 
 
-def _view(model: Model, names: dict[str, str], given: dict[str, str], pins: list[str]) -> View:
-    osc = model.replace(**{name: _float(key, given[key]) for key, name in names.items() if key in given})
+def _view(model: Model, names: dict[str, str], entries: dict[str, str], pins: list[str]) -> View:
+    osc = model.replace(**{name: _float(key, entries[key]) for key, name in names.items() if key in entries})
     content: dict[str, Any] = {"osc": osc}
-    if called := given.get("model"):
-        first = first_view(osc, called)
+    if link_name := entries.get("model"):
+        first = first_view(osc, link_name)
         content |= {name: getattr(first, name) for name in ("x", "y", "x_range", "y_range", "model", "index")}
     for axis in ("x", "y"):
-        if axis in given:
-            content[axis], content[f"{axis}_range"] = _axis(axis, given[axis], names)
+        if axis in entries:
+            content[axis], content[f"{axis}_range"] = _axis(axis, entries[axis], names)
     for name, choice in CHOICES.items():
-        text = given.get(choice.key)
+        text = entries.get(choice.key)
         if text is not None and text not in choice.texts:
             raise invalid(name, text, f"one of {', '.join(choice.texts)}")
         if text is not None:
             content[name] = choice.texts[text]
-    if "start" in given:
-        content["start"] = _start(given["start"], osc.at().coordinates)
+    if "start" in entries:
+        content["start"] = _start(entries["start"], osc.at().coordinates)
     if pins:
         values = [_floats("pin", pin, len(names)) for pin in pins]
-        content["pins"] = tuple(model.replace(**dict(zip(table(model), one, strict=True))) for one in values)
+        content["pins"] = tuple(model.replace(**dict(zip(table(model), numbers, strict=True))) for numbers in values)
     return View(**content)
 
 
@@ -186,9 +186,9 @@ BY_NAME = {preset.name: preset for preset in PRESETS}
 
 def case_of(view: View) -> Preset | None:
     """Return the case that a view began with, or shows as it is."""
-    same = (preset for preset in PRESETS if _content(preset.view) == _content(view))
     if view.model:
         return None
+    same = (preset for preset in PRESETS if _content(preset.view) == _content(view))
     return BY_NAME.get(view.case) or next(same, None)
 
 
@@ -199,9 +199,14 @@ def ranges_for(view: View) -> dict[str, Range]:
     equals. Of other models such as suit the values.
     """
     values = view.osc.values
-    ranges = {name: usual_range(parameter, values[name], view.made) for name, parameter in view.table.items()}
+
+    def fitting(preset: Preset) -> int:
+        """Return how many parameters the sliders of a case hold."""
+        return sum(low <= values[name] <= high for name, (low, high) in preset.ranges.items())
+
+    ranges = {name: usual_range(parameter, values[name], view.system) for name, parameter in view.table.items()}
     if not view.model:
-        ranges |= (case_of(view) or max(PRESETS, key=lambda preset: _held(view, preset.ranges))).ranges
+        ranges |= (case_of(view) or max(PRESETS, key=fitting)).ranges
     for name, (low, high) in ranges.items():
         value = values[name]
         ranges[name] = (min(low, value), max(high, value))
@@ -212,7 +217,3 @@ def ranges_for(view: View) -> dict[str, Range]:
 
 def _content(view: View) -> tuple[Any, ...]:
     return view.model, view.osc, *view.plane_key, view.index
-
-
-def _held(view: View, ranges: dict[str, Range]) -> int:
-    return sum(low <= view.osc.values[name] <= high for name, (low, high) in ranges.items())

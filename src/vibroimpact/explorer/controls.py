@@ -8,11 +8,11 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from vibroimpact import models
-from vibroimpact.explorer.address import BY_NAME, PRESETS, Preset, case_of, ranges_for
+from vibroimpact.explorer.address import BY_NAME, PRESETS, case_of, ranges_for
 from vibroimpact.explorer.limits import Range, allowed_range, parts_of
 from vibroimpact.explorer.models import first_view
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.state import CHOICES, parameter_label, rounded, symbol
+from vibroimpact.explorer.state import CHOICES, parameter_label, rounded, shown_unit, symbol
 from vibroimpact.figures import MOTION
 from vibroimpact.indices import INDICES
 
@@ -121,9 +121,12 @@ class Controls:
     def menus(self) -> dict[str, Menu]:
         """Return every menu; those that offer no choice are empty."""
         view = self.explorer.view
-        names = [(name, f"{name} {symbol(one)}" if one.symbol != name else name) for name, one in view.table.items()]
-        coordinates, names_of_stops = range(1, view.made.coordinates + 1), view.made.stop_names
-        toward = [("0", "towards the stop"), *((str(one), f"coordinate {one}") for one in coordinates)]
+        names = [
+            (name, f"{name} {symbol(parameter)}" if parameter.symbol != name else name)
+            for name, parameter in view.table.items()
+        ]
+        coordinates, names_of_stops = range(1, view.system.coordinates + 1), view.system.stop_names
+        toward = [("0", "towards the stop"), *((str(number), f"coordinate {number}") for number in coordinates)]
         stops = [("0", "at all stops"), *((str(at), f"at {name}") for at, name in enumerate(names_of_stops, 1))]
         offered = {
             "index": _index_options(),
@@ -143,8 +146,8 @@ class Controls:
     @property
     def _several(self) -> bool:
         """Whether there are coordinates or stops to choose from."""
-        made = self.explorer.view.made
-        return bool(made.coordinates + len(made.stops) > 2)
+        system = self.explorer.view.system
+        return bool(system.coordinates + len(system.stops) > 2)
 
     def _cases(self) -> Menu:
         view = self.explorer.view
@@ -169,7 +172,7 @@ class Controls:
         """Return the source of a case's numbers; else what to do, and what is shown of several."""
         case = case_of(self.explorer.view)
         if case is not None:
-            return _description(case)
+            return f"<p><b>{case.title}.</b> {case.source}</p><p><b>Idealised:</b> {case.idealised}</p>"
         return _ABOUT.format(_OF_SEVERAL if self._several else "")
 
     def rows(self) -> dict[str, tuple[float, float, float]]:
@@ -194,14 +197,10 @@ class Controls:
         return low > 0.0 and high >= DECADES * low
 
 
-def _description(case: Preset) -> str:
-    return f"<p><b>{case.title}.</b> {case.source}</p><p><b>Idealised:</b> {case.idealised}</p>"
-
-
 def _index_options() -> list[tuple[str, str]]:
     """Return names and labels of what the plane can show."""
     return [(MOTION, "motion")] + [
-        (index.name, index.long_name + ("" if index.units == "1" else f" [{index.units}]"))
+        (index.name, index.long_name + (f" [{unit}]" if (unit := shown_unit(index.units)) else ""))
         for index in INDICES.values()
     ]
 

@@ -38,10 +38,10 @@ def export(kind: str, explorer: Explorer) -> File:
     return File(name, media_type, make(explorer))
 
 
-def _computed(what: str, content: Any) -> Any:
-    if content is None:
-        raise ValueError(f"this {what} is still being computed; try again in a moment")
-    return content
+def _computed(name: str, result: Any) -> Any:
+    if result is None:
+        raise ValueError(f"this {name} is still being computed; try again in a moment")
+    return result
 
 
 def _axis(view: View, axis: str) -> tuple[float, float]:

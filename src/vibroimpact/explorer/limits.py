@@ -27,8 +27,6 @@ STIFFEST = 1000.0  # fastest rate over slowest: steps per impact grow with it
 MOST_STEPS = 1e6  # granted a motion, about half a second
 LEAST_STEPS = 400.0  # granted an impact even so: driven a hundred times as fast as it swings, it needs some 300
 LONGEST_AGO = 1e9  # driving periods between time 0 and an initial condition: beyond, its phase is lost
-EDGE, PIN = " at the edge of the plane", " in a pin"
-
 HALVINGS = 24  # of the way to an end that is refused
 
 
@@ -41,27 +39,27 @@ def stiffness(osc: Any) -> float:
     >>> stiffness(ImpactOscillator(omega=0.25)), stiffness(ImpactOscillator(omega=1.0, damping=4.0)) > 3.7
     (4.0, True)
     """
-    return _made_of(osc)[1]
+    return _system_and_stiffness(osc)[1]
 
 
-def made_of(model: Any) -> Any:
+def system_of(model: Any) -> Any:
     """Return the oscillator or system that a model is at its own values."""
-    return _made_of(model)[0]
+    return _system_and_stiffness(model)[0]
 
 
 @lru_cache(1024)  # a view asks for five points, most of them those of the view before
-def _made_of(model: Any) -> tuple[Any, float]:
-    made = model.at()
-    cell = made.cells({})
-    return made, float(cell.fastest_rate[0] / cell.slowest_rate[0])
+def _system_and_stiffness(model: Any) -> tuple[Any, float]:
+    system = model.at()
+    cell = system.cells({})
+    return system, float(cell.fastest_rate[0] / cell.slowest_rate[0])
 
 
-def granted(stiff: float, count: int) -> Tolerances:
+def budget(stiff: float, count: int) -> Tolerances:
     """Return a budget of some `MOST_STEPS` certified steps for so many impacts or periods; at most a tenth of usual.
 
     Examples
     --------
-    >>> granted(1.0, 600).steps_per_impact, granted(100.0, 5100).steps_per_impact
+    >>> budget(1.0, 600).steps_per_impact, budget(100.0, 5100).steps_per_impact
     (100, 4)
     """
     per_impact = max(LEAST_STEPS, MOST_STEPS / count)
@@ -76,14 +74,14 @@ def check_limits(model: Model, where: str) -> None:
                 f"`{name}` must have a magnitude from {SMALLEST:g} to {LARGEST:g} here, got {abs(value):g}{where}; "
                 "choose other units"
             )
-    made, stiff = made_of(model), stiffness(model)
+    system, stiff = system_of(model), stiffness(model)
     if stiff > STIFFEST * (1.0 + 1e-9):
         raise ValueError(
             f"the fastest of driving, free oscillation and decay must be at most {STIFFEST:g} times as fast as the "
             f"slower of driving and free oscillation here, got {stiff:.3g} times{where}; use parameter_map, which has "
             "no such limit"
         )
-    energies = made.velocity_scale**2 / np.diag(made.modal().mobility)
+    energies = system.velocity_scale**2 / np.diag(system.modal().mobility)
     for energy in energies[(energies > 0.0) & ~((energies >= 1.0 / SCALE) & (energies <= SCALE))]:
         raise ValueError(
             f"forces and gaps must make energies from {1.0 / SCALE:g} to {SCALE:g} J here, got {energy:.3g} J{where}; "
@@ -91,20 +89,20 @@ def check_limits(model: Model, where: str) -> None:
         )
 
 
-def checked_start(start: State, made: Any) -> State:
+def checked_start(start: State, system: Any) -> State:
     """Return an initial condition, of a single coordinate as numbers, or raise `ValueError`."""
-    if made.coordinates == 1 and isinstance(start.displacement, tuple) and len(start.displacement) == 1:
+    if system.coordinates == 1 and isinstance(start.displacement, tuple) and len(start.displacement) == 1:
         start = State(start.displacement[0], start.velocity[0], start.time)
-    made.cells({}, start)  # refuses one beyond a stop
+    system.cells({}, start)  # refuses one beyond a stop
     size = max(map(abs, parts_of(start)[:-1]))
     if size > LARGEST:
         raise ValueError(f"`start` must have magnitudes up to {LARGEST:g}, got {size:g}")
-    if abs(start.time) > LONGEST_AGO * made.period:
+    if abs(start.time) > LONGEST_AGO * system.period:
         raise ValueError(
             f"`start` must be within {LONGEST_AGO:g} driving periods of time 0, got {start.time:g} s; give a time "
             "in the first period"
         )
-    if not made.velocity_scale:
+    if not system.velocity_scale:
         raise ValueError("`start` must come with a force or a gap: without a force and a gap every motion dies out")
     return start
 
@@ -156,7 +154,7 @@ def with_ranges(view: View, x_range: Range, y_range: Range) -> tuple[View, str]:
     except ValueError as error:
         message = str(error)
     wanted = {"x_range": x_range, "y_range": y_range}
-    if not all(_some_range(ends) for ends in wanted.values()):
+    if not all(_is_range(ends) for ends in wanted.values()):
         return view, message
     # First all four ends by the largest common share of their ways, then each alone as near as it may.
     view = _farthest(view, wanted, (0, 1))
@@ -209,7 +207,7 @@ def _farthest(view: View, wanted: dict[str, Range], ends: tuple[int, ...]) -> Vi
     return best
 
 
-def _some_range(ends: Any) -> bool:
+def _is_range(ends: Any) -> bool:
     try:
         low, high = ends
         return math.isfinite(low) and math.isfinite(high) and bool(low < high)

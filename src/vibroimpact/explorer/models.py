@@ -19,8 +19,8 @@ RATES = ("rad/s", "Hz", "1/min")
 DECADE = 10.0  # on either side of a value that has to be positive
 
 
-def only_known(name: str) -> Model:
-    """Return one mass with one stop for "", or a ready-made model; files are not run for links."""
+def find_ready_made(name: str) -> Model:
+    """Return a ready-made model by its name, or one mass with one stop for ""; files are not run for links."""
     from vibroimpact import models
     from vibroimpact.families import ready_made
 
@@ -33,30 +33,29 @@ def only_known(name: str) -> Model:
 
 def finder(name: str, model: Model) -> Find:
     """Return the function that finds a model of one's own, and those that are always known."""
-    return lambda wanted: model if name and wanted == name else only_known(wanted)
+    return lambda wanted: model if name and wanted == name else find_ready_made(wanted)
 
 
-def opened(model: Model, name: str = "") -> tuple[View, Find]:
+def open_model(model: Model, name: str = "") -> tuple[View, Find]:
     """Return the view of a model that a server is started with, and what finds it by its name in links.
 
     One mass with one stop is what the page shows without a name.
     """
     check_model(model, "model")
-    called, find = opened_as(model, name)
-    if not called:
-        return replace(first_view(model, ""), index=View.index, samples=View.samples), find
-    return first_view(model, called), find
+    link_name, find = name_in_links(model, name)
+    view = first_view(model, link_name)
+    return view if link_name else replace(view, index=View.index, samples=View.samples), find
 
 
-def opened_as(model: Model, name: str) -> tuple[str, Find]:
+def name_in_links(model: Model, name: str) -> tuple[str, Find]:
     """Return the name of a model in links, and the function that finds it: one mass with one stop has no name."""
     if getattr(model, "says_all", False):
-        return "", only_known
-    called = printable(name or str(model)).replace(" ", "_")
-    return called, finder(called, model)
+        return "", find_ready_made
+    link_name = printable(name or str(model)).replace(" ", "_")
+    return link_name, finder(link_name, model)
 
 
-def usual_range(parameter: Parameter, value: float, made: Any) -> Range:
+def usual_range(parameter: Parameter, value: float, system: Any) -> Range:
     """Return the range of a parameter's slider, from its range and its value.
 
     All of a bounded range; a decade to either side of a number that must be positive, a third to three times of a rate;
@@ -65,7 +64,7 @@ def usual_range(parameter: Parameter, value: float, made: Any) -> Range:
     low, high = parameter.low, parameter.high
     if math.isfinite(low) and math.isfinite(high):
         return low, high
-    size = abs(value) or (made.velocity_scale / made.omega if parameter.unit == "m" else 1.0)
+    size = abs(value) or (system.velocity_scale / system.omega if parameter.unit == "m" else 1.0)
     if low == 0.0 and parameter.unit in RATES:
         return size / 3.0, 3.0 * size
     if low == 0.0:
@@ -84,30 +83,24 @@ def first_view(model: Model, name: str) -> View:
     parameters = table(model)
     if len(parameters) < 2:
         raise ValueError(f"`model` {name!r} must have two or more parameters to vary, got {len(parameters)}; add some")
-    x = next((key for key in parameters if _moves(model, key, _driving)), next(iter(parameters)))
+    x = next((key for key in parameters if _changes(model, key, lambda system: system.omega)), next(iter(parameters)))
     others = [key for key in parameters if key != x]
-    y = next((key for key in others if _moves(model, key, _gaps)), others[-1])
-    made, values = model.at(), model.values
-    ranges = {key: allowed_range(parameters[key], usual_range(parameters[key], values[key], made)) for key in (x, y)}
+    y = next(
+        (key for key in others if _changes(model, key, lambda system: [stop.gap for stop in system.stops])), others[-1]
+    )
+    system, values = model.at(), model.values
+    ranges = {key: allowed_range(parameters[key], usual_range(parameters[key], values[key], system)) for key in (x, y)}
     close = {key: near(parameters[key], values[key], ends) for key, ends in ranges.items()}
     view = View(osc=model, x=x, y=y, x_range=close[x], y_range=close[y], model=name, index="max_velocity", samples=200)
     return with_axes(view, ranges)[0]
 
 
-def _moves(model: Model, name: str, what: Callable[[Any], Any]) -> bool:
-    """Whether something of the oscillator or system depends on a parameter."""
+def _changes(model: Model, name: str, quantity: Callable[[Any], Any]) -> bool:
+    """Whether a quantity of the oscillator or system depends on a parameter."""
     value = model.values[name]
     for other in (1.001 * value, 0.999 * value) if value else (1e-6,):
         try:
-            return bool(what(model.replace(**{name: other}).at()) != what(model.at()))
+            return bool(quantity(model.replace(**{name: other}).at()) != quantity(model.at()))
         except ValueError:  # out of its range on that side
             continue
     return False
-
-
-def _driving(made: Any) -> float:
-    return float(made.omega)
-
-
-def _gaps(made: Any) -> list[float]:
-    return [stop.gap for stop in made.stops]

@@ -56,15 +56,13 @@ def explore(model: Model | None = None, *, height: int = 800) -> Any:
 def address_of(model: Model | None) -> str:
     """Start a server in a thread that ends with the process, and return its address."""
     started = threading.Event()
-    found: list[Any] = []
+    outcome: list[Any] = []  # the server, which lives as long as the list, and its address; or an error
 
     async def run() -> None:
         try:
-            found.extend(
-                make_server(model=model, port=0, framed=True)
-            )  # the server, which lives as long, and the address
+            outcome.extend(make_server(model=model, port=0, framed=True))
         except Exception as error:
-            found.append(error)
+            outcome.append(error)
             return
         finally:
             started.set()
@@ -72,6 +70,6 @@ def address_of(model: Model | None) -> str:
 
     threading.Thread(target=lambda: asyncio.run(run()), name="explorer-server", daemon=True).start()
     started.wait()
-    if isinstance(found[-1], Exception):
-        raise found[-1]
-    return str(found[-1])
+    if isinstance(outcome[-1], Exception):
+        raise outcome[-1]
+    return str(outcome[-1])

@@ -36,9 +36,9 @@ def packed(parts: dict[str, dict[str, Any]]) -> bytes:
         if isinstance(content, np.generic):
             content = content.item()
         if isinstance(content, dict):
-            return {key: plain(one) for key, one in content.items()}
+            return {key: plain(part) for key, part in content.items()}
         if isinstance(content, (list, tuple)):
-            return [plain(one) for one in content]
+            return [plain(part) for part in content]
         return None if isinstance(content, float) and not math.isfinite(content) else content
 
     text = json.dumps([[name, plain(content)] for name, content in parts.items()], ensure_ascii=False).encode()

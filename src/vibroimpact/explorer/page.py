@@ -11,8 +11,8 @@ from vibroimpact import compiling
 from vibroimpact.explorer.address import to_query
 from vibroimpact.explorer.controls import TICKS, Commands, Controls
 from vibroimpact.explorer.files import KINDS, File, export
-from vibroimpact.explorer.models import Find, only_known
-from vibroimpact.explorer.plane import Plane
+from vibroimpact.explorer.models import Find, find_ready_made
+from vibroimpact.explorer.plane import Stored
 from vibroimpact.explorer.session import Explorer, Message
 from vibroimpact.explorer.state import View
 from vibroimpact.explorer.views import Parts, PlaneView, PointView, show_ends, show_line
@@ -42,8 +42,8 @@ class Page:
         tell: Callable[[Parts], Awaitable[None]],
         in_turn: Callable[[Callable[[], Awaitable[None]]], None],
         view: View,
-        stored: Callable[[View], Plane | None] | None = None,
-        find: Find = only_known,
+        stored: Stored | None = None,
+        find: Find = find_ready_made,
     ) -> None:
         self.explorer = Explorer(view, pool, self.receive, stored, find)
         self._tell, self._in_turn = tell, in_turn
@@ -102,9 +102,9 @@ class Page:
     async def _read(self) -> None:
         try:
             while messages := self._latest():
-                for what, content in messages:
+                for kind, content in messages:
                     if not self.explorer.closed:
-                        await self._tell(self._show[what](content))
+                        await self._tell(self._show[kind](content))
         except BaseException:
             self._reading = False  # the next message finds a reader
             raise
@@ -114,9 +114,13 @@ class Page:
         with self._lock:
             messages, self._inbox = self._inbox, []
             self._reading = bool(messages)
-        last = {what: number for number, (what, _) in enumerate(messages)}
-        kept = [one for at, one in enumerate(messages) if last[one[0]] == at or one[0] in ("message", "file")]
-        return sorted(kept, key=lambda one: one[0] != "point")
+        last = {kind: number for number, (kind, _) in enumerate(messages)}
+        latest = [
+            (kind, content)
+            for number, (kind, content) in enumerate(messages)
+            if last[kind] == number or kind in ("message", "file")
+        ]
+        return sorted(latest, key=lambda message: message[0] != "point")
 
     def _show_view(self, view: View) -> Parts:
         return {
@@ -130,10 +134,9 @@ class Page:
         }
 
     def _show_work(self) -> Parts:
-        what = compiling.under_way()
-        return {
-            "busy": {"busy": self.explorer.busy, "compiling": f"compiling {what}, once on this machine" if what else ""}
-        }
+        name = compiling.under_way()
+        text = f"compiling {name}, once on this machine" if name else ""
+        return {"busy": {"busy": self.explorer.busy, "compiling": text}}
 
     def _show_controls(self) -> Parts:
         controls, heard = self.controls, self.commands.last

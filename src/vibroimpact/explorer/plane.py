@@ -11,10 +11,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import vibroimpact as vi
-from vibroimpact.explorer.limits import FINEST, Range, granted
+from vibroimpact.explorer.limits import FINEST, Range, budget
 from vibroimpact.explorer.state import View
 from vibroimpact.indices import INDICES
-from vibroimpact.model import Model, State
+from vibroimpact.model import State
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits import Orbit
 from vibroimpact.plotting.diagrams import with_index
@@ -52,7 +52,7 @@ def positions(low: float, high: float, cells: Places) -> Floats:
 
 def sides(view: View) -> tuple[int, ...]:
     """Return the lattices of a view in turn."""
-    return SIDES if view.made.forgets else (*COARSER, *SIDES)
+    return SIDES if view.system.forgets else (*COARSER, *SIDES)
 
 
 def bands(side: int, samples: int = USUAL, first: int = SIDES[0]) -> list[tuple[Places, Places]]:
@@ -72,22 +72,20 @@ def bands(side: int, samples: int = USUAL, first: int = SIDES[0]) -> list[tuple[
 
 
 def compute_cells(
-    osc: Model,
-    samples: int,
-    stiff: float,
+    view: View,
     axes: dict[str, Any],
     start: State | int | None = None,
     keep_going: KeepGoing = lambda: True,
     indices: Iterable[str] = tuple(INDICES),
 ) -> xr.Dataset:
-    """Return indices of a page's cells over some axes, or points, the impacts sampled and budgeted as pages do."""
+    """Return indices of a view's cells over some axes, or points, the impacts sampled and budgeted as pages do."""
     sweep: xr.Dataset = vi.parameter_map(
-        osc,
+        view.osc,
         indices=tuple(indices),
         start=start,
         transient_impacts=TRANSIENT,
-        sample_impacts=samples,
-        tolerances=granted(stiff, TRANSIENT + samples),
+        sample_impacts=view.samples,
+        tolerances=budget(view.stiffness, TRANSIENT + view.samples),
         workers=1,
         progress=lambda done, total, partial: keep_going(),
         **axes,
@@ -124,14 +122,14 @@ class Plane:
         view = self.view
         axes = {view.x: positions(*view.x_range, columns), view.y: positions(*view.y_range, rows)}
         start = TRIED[-1] if view.worst else None
-        sweep = compute_cells(view.osc, view.samples, view.stiffness, axes, start, keep_going)
+        sweep = compute_cells(view, axes, start, keep_going)
         if not keep_going():
             return False
         first = sweep.isel(start=0) if view.worst else sweep
-        found = {name: with_index(sweep, name)[1] if name in INDICES else first[name] for name in first.data_vars}
-        found["motion"] = vi.classify(first)["motion"]
+        computed = {name: with_index(sweep, name)[1] if name in INDICES else first[name] for name in first.data_vars}
+        computed["motion"] = vi.classify(first)["motion"]
         for name, array in self.values.items():
-            array[np.ix_(columns, rows)] = found[name].values
+            array[np.ix_(columns, rows)] = computed[name].values
         return True
 
     def quiet(self) -> list[Places]:
@@ -144,17 +142,15 @@ class Plane:
         """Look for impacts from other initial conditions in some cells; return whether that was finished."""
         view, hardest = self.view, np.zeros(len(places), np.float32)
         for number in TRIED:
-            left = np.flatnonzero(hardest == 0.0)
-            if not len(left):
+            silent = np.flatnonzero(hardest == 0.0)
+            if not len(silent):
                 break
-            columns, rows = places[left].T
+            columns, rows = places[silent].T
             points = {view.x: positions(*view.x_range, columns), view.y: positions(*view.y_range, rows)}
-            sweep = compute_cells(
-                view.osc, view.samples, view.stiffness, {"points": points}, number, keep_going, ["max_velocity"]
-            )
+            sweep = compute_cells(view, {"points": points}, number, keep_going, ["max_velocity"])
             if not keep_going():
                 return False
-            hardest[left] = sweep["max_velocity"].fillna(0.0).max("start").values
+            hardest[silent] = sweep["max_velocity"].fillna(0.0).max("start").values
         self.elsewhere[tuple(places.T)] = hardest
         return True
 
@@ -171,9 +167,9 @@ class Plane:
     def dataset(self) -> xr.Dataset:
         """Return the lattice known so far as `parameter_map` would return it."""
         view, dims = self.view, (self.view.x, self.view.y)
-        one = {view.x: [view.osc_value("x")], view.y: [view.osc_value("y")]}
+        point = {view.x: [view.osc_value("x")], view.y: [view.osc_value("y")]}
         # attributes and nothing else: no cell is computed
-        sweep = compute_cells(view.osc, view.samples, view.stiffness, one, keep_going=lambda: False)
+        sweep = compute_cells(view, point, keep_going=lambda: False)
         axes = {name: (name, self.axis(axis), sweep[name].attrs) for axis, name in zip("xy", dims, strict=True)}
         names = [str(name) for name in sweep.data_vars if name == "status" or name in self.indices]
         content = {name: (dims, self.array(name), sweep[name].attrs) for name in names}
@@ -183,6 +179,8 @@ class Plane:
         return xr.Dataset(content, coords=axes, attrs=sweep.attrs | origin)
 
 
+Stored = Callable[[View], Plane | None]  # gives a view its plane from a stored sweep, if that has its cells
+
 # ---- what is drawn below and over the plane
 
 
@@ -190,7 +188,6 @@ class Plane:
 class Line:
     """Impact velocities over one parameter, each given once."""
 
-    parameter: str
     ends: Range
     values: Floats
     velocities: Floats
@@ -198,10 +195,9 @@ class Line:
 
 @dataclass(frozen=True)
 class Curves:
-    """Boundaries in the plane: points, kinds and descriptions."""
+    """Boundaries in the plane."""
 
-    x: list[Floats]
-    y: list[Floats]
+    points: list[Floats]  # (n, 2) of each
     kinds: list[str]
     descriptions: list[str]
 
@@ -220,7 +216,7 @@ def compute_line(view: View, keep_going: KeepGoing) -> Line:
     rounded = np.round(velocity[finite] * (RESOLUTION / largest)).astype(np.int64)
     rows = np.broadcast_to(np.arange(len(velocity))[:, None], velocity.shape)[finite]
     _, distinct = np.unique(rows * (RESOLUTION + 1) + rounded, return_index=True)
-    return Line(parameter, (low, high), values[rows[distinct]], velocity[finite][distinct])
+    return Line((low, high), values[rows[distinct]], velocity[finite][distinct])
 
 
 def _velocities(view: View, parameter: str, values: Floats) -> Floats:
@@ -230,31 +226,29 @@ def _velocities(view: View, parameter: str, values: Floats) -> Floats:
         view.osc,
         transient_impacts=TRANSIENT,
         sample_impacts=IMPACTS,
-        tolerances=granted(view.stiffness, BUDGETED),
+        tolerances=budget(view.stiffness, BUDGETED),
         workers=1,
         **axis,
     )
-    found = diagram["velocity"].values
+    velocity = diagram["velocity"].values
     if view.stop:
-        found = np.where(diagram["stop"].values == view.stop - 1, found, np.nan)
-    return np.pad(found, ((0, 0), (0, IMPACTS - found.shape[1])), constant_values=np.nan)
+        velocity = np.where(diagram["stop"].values == view.stop - 1, velocity, np.nan)
+    return np.pad(velocity, ((0, 0), (0, IMPACTS - velocity.shape[1])), constant_values=np.nan)
 
 
 def find_curves(view: View, keep_going: KeepGoing) -> Curves:
     """Return the boundaries in the view's plane, as far as time is left."""
-    found = vi.boundary_curves(
+    boundaries = vi.boundary_curves(
         view.osc,
         (view.x, view.y),
         (view.x_range, view.y_range),
         n_periods=FOLLOWED,
         progress=lambda *progress: keep_going(),
     )
-    points = [np.asarray(curve.values, dtype=np.float64) for curve in found]
     return Curves(
-        x=[at[:, 0] for at in points],
-        y=[at[:, 1] for at in points],
-        kinds=[curve.kind for curve in found],
-        descriptions=[f"{curve.kind.replace('_', ' ')}, {_motion_at(curve.orbits[0])}" for curve in found],
+        points=[np.asarray(curve.values, dtype=np.float64) for curve in boundaries],
+        kinds=[curve.kind for curve in boundaries],
+        descriptions=[f"{curve.kind.replace('_', ' ')}, {_motion_at(curve.orbits[0])}" for curve in boundaries],
     )
 
 

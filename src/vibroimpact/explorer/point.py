@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vibroimpact as vi
-from vibroimpact.explorer.limits import granted, made_of, stiffness
+from vibroimpact.explorer.limits import budget, stiffness, system_of
 from vibroimpact.explorer.plane import TRANSIENT, KeepGoing
-from vibroimpact.explorer.state import View
+from vibroimpact.explorer.state import View, shown_unit
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.model import Model, State
 from vibroimpact.motion import MotionClass, decide, motion_name
@@ -44,7 +44,7 @@ class Point:
     """What the page shows of a point."""
 
     osc: Model
-    made: Any  # the oscillator or system that it is
+    system: Any  # the oscillator or system that it is
     shown: views.View
     name: str
     sentence: str
@@ -60,15 +60,15 @@ class Point:
     @property
     def size(self) -> float:
         """The static deflection or the gap of one mass, whichever is larger, or alike in m: a scale for axes."""
-        return self.made.velocity_scale / self.made.slowest_frequency or 1.0
+        return self.system.velocity_scale / self.system.slowest_frequency or 1.0
 
     def places(self, stops: Any, time: Floats) -> Floats:
         """Return the places of stops, by their names, at times; NaN of those that are not in the way."""
-        found = np.full(len(time), np.nan)
+        places = np.full(len(time), np.nan)
         for wall in self.shown.walls:
             struck = np.flatnonzero(stops == wall.name)
-            found[struck] = self.shown.place(wall, time[struck])
-        return found
+            places[struck] = self.shown.place(wall, time[struck])
+        return places
 
 
 def compute_point(view: View, model: Model | None = None) -> Point:
@@ -78,14 +78,14 @@ def compute_point(view: View, model: Model | None = None) -> Point:
     """
     start = view.start if model is None else None
     model = model or view.osc
-    osc = made_of(model)
-    shown = views.view_of_page(osc, view.coordinate, view.stop)
-    ratio = osc.omega / osc.slowest_frequency
+    system = system_of(model)
+    shown = views.view_of_page(system, view.coordinate, view.stop)
+    ratio = system.omega / system.slowest_frequency
     lead = max(20, int(LEAD * min(ratio, 1.0)))
-    of_these = LOOKS if osc.forgets else LOOKS // 2  # others take ten times as long
-    looks = max(20, min(int(of_these * ratio), MOST_LOOKS))
+    oscillations = LOOKS if system.forgets else LOOKS // 2  # of models that keep their memory, ten times as dear, half
+    looks = max(20, min(int(oscillations * ratio), MOST_LOOKS))
     density = min(max(60, math.ceil(24 / ratio)), HISTORY)  # samples per period
-    found, orbit, section = measure_orbit(
+    indices, orbit, section = measure_orbit(
         model,
         start=start,
         indices=tuple(INDICES),
@@ -93,29 +93,30 @@ def compute_point(view: View, model: Model | None = None) -> Point:
         sample_impacts=view.samples,
         periods=lead + looks,
         samples_per_period=density,
-        tolerances=granted(stiffness(model), TRANSIENT + view.samples),
-        patience=granted(stiffness(model), lead + looks),
+        tolerances=budget(stiffness(model), TRANSIENT + view.samples),
+        patience=budget(stiffness(model), lead + looks),
     )
     orbit = _projected(shown, orbit)
-    status, indices = Status(int(found.pop("status"))), found
+    status = Status(int(indices.pop("status")))
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
     kind = MotionClass(int(decide(status, view.samples * indices["lyapunov_per_impact"], n, p)))
+    origin = "From rest" if start is None else "From the chosen initial condition"
 
-    impact_map = _impact_map(osc, start, orbit, n, 0 < n <= looks or not status.has_indices, view.stop)
-    length = max(2.0, min(40.0, HISTORY / density)) * osc.period
+    impact_map = _impact_map(system, start, orbit, n, 0 < n <= looks or not status.has_indices, view.stop)
+    length = max(2.0, min(40.0, HISTORY / density)) * system.period
     parts, settled = None, view.settled
     if settled:
-        parts = _settled(shown, orbit, lead * osc.period, length, n, status.has_indices)
-        begin = _hardest(osc, impact_map) if parts is None and status.has_indices else None
+        parts = _settled(shown, orbit, lead * system.period, length, n, status.has_indices)
+        begin = _hardest(system, impact_map) if parts is None and status.has_indices else None
         if begin is not None:  # the budget ended the record before a long enough part of it was settled
             parts = _carried_on(shown, begin, length, density)
         settled = parts is not None
     return Point(
         osc=model,
-        made=osc,
+        system=system,
         shown=shown,
         name=motion_name(kind, n, p),
-        sentence=sentence(osc, kind, status, indices, start, TRANSIENT + view.samples),
+        sentence=f"{origin}: {_settled_motion(system, kind, status, indices, TRANSIENT + view.samples)}",
         n_periods=n,
         settled=settled,
         indices=indices,
@@ -159,11 +160,11 @@ def _beginning(shown: views.View, start: State | None, orbit: Columns, length: f
 
 def _carried_on(shown: views.View, begin: State, length: float, density: int) -> Parts:
     """Return the motion after an impact, from a run of its own."""
-    osc, periods = shown.model, length / shown.model.period
-    limits = granted(stiffness(osc), math.ceil(periods))
-    orbit = vi.simulate(osc, start=begin, periods=periods, samples_per_period=density, tolerances=limits)
-    followed = {name: orbit[name].values for name in RECORDED}
-    return _beginning(shown, begin, _projected(shown, followed), length)
+    system, periods = shown.model, length / shown.model.period
+    limits = budget(stiffness(system), math.ceil(periods))
+    orbit = vi.simulate(system, start=begin, periods=periods, samples_per_period=density, tolerances=limits)
+    record = {name: orbit[name].values for name in RECORDED}
+    return _beginning(shown, begin, _projected(shown, record), length)
 
 
 def _parts(
@@ -186,14 +187,14 @@ def _parts(
     sides = [(time[between], y[between], v[between]), *_sides(shown, hit_time, hit_speed, struck)]
     all_time, places, speeds = (np.concatenate(part) for part in zip(*sides, strict=True))
     order = np.argsort(all_time, kind="stable")
-    left = np.where(np.isnan(release), end, release).clip(max=end)
-    rested = (left > begin) & (stick < end)
+    released = np.where(np.isnan(release), end, release).clip(max=end)
+    resting = (released > begin) & (stick < end)
     return {
         "history": {"time": all_time[order] - shift, "displacement": places[order], "velocity": speeds[order]},
         "impacts": {"time": hit_time - shift, "velocity": hit_speed, "stop": struck},
         "rests": {
-            "begin": stick[rested].clip(min=begin) - shift, "end": left[rested] - shift,
-            "stop": orbit["stick_stop"][rested],
+            "begin": stick[resting].clip(min=begin) - shift, "end": released[resting] - shift,
+            "stop": orbit["stick_stop"][resting],
         },
     }  # fmt: skip
 
@@ -210,13 +211,13 @@ def _sides(shown: views.View, time: Floats, speed: Floats, stop: Any) -> list[tu
     return sides
 
 
-def _hardest(osc: Any, impact_map: Columns) -> State | None:
+def _hardest(system: Any, impact_map: Columns) -> State | None:
     """Return the hardest of the last impacts of one mass as a state to continue from."""
     velocity, phase = (impact_map[name][:-65:-1] for name in ("velocity", "phase"))
-    if not len(velocity) or not osc.forgets:
+    if not len(velocity) or not system.forgets:
         return None
     at = int(velocity.argmax())
-    return State(osc.stops[0].gap, float(velocity[at]), float(phase[at]) * osc.period)
+    return State(system.stops[0].gap, float(velocity[at]), float(phase[at]) * system.period)
 
 
 def _away_from(time: Floats, events: Floats, width: float) -> NDArray[np.bool_]:
@@ -228,34 +229,34 @@ def _away_from(time: Floats, events: Floats, width: float) -> NDArray[np.bool_]:
     return np.asarray(nearest > width)
 
 
-def _impact_map(osc: Any, start: State | None, orbit: Columns, n_periods: int, repeats: bool, stop: int = 0) -> Columns:
+def _impact_map(system: Any, start: State | None, orbit: Columns, n_periods: int, repeats: bool, stop: int) -> Columns:
     """Return phase and velocity of the impacts after a transient; of a cycle those of the recorded orbit suffice.
 
     Where they are not the whole state they are those recorded, at one stop, counted from 1, or, 0, at all.
     """
-    if not osc.forgets:
+    if not system.forgets:
         struck = orbit["impact_stop"][TRANSIENT:]
-        at = np.flatnonzero(struck == osc.stop_names[stop - 1]) if stop else np.arange(len(struck))
+        at = np.flatnonzero(struck == system.stop_names[stop - 1]) if stop else np.arange(len(struck))
         return {name: orbit[f"impact_{name}"][TRANSIENT:][at[:IMPACTS]] for name in ("phase", "velocity")}
     time = orbit["impact_time"]
-    cycle = int(np.searchsorted(time, time[-1] - n_periods * osc.period)) if len(time) else 0
+    cycle = int(np.searchsorted(time, time[-1] - n_periods * system.period)) if len(time) else 0
     last = slice(min(TRANSIENT, cycle), TRANSIENT + IMPACTS)  # at least the impacts of one cycle
-    found = {name: orbit[f"impact_{name}"][last] for name in ("phase", "velocity")}
-    missing = IMPACTS - len(found["phase"])
+    hits = {name: orbit[f"impact_{name}"][last] for name in ("phase", "velocity")}
+    missing = IMPACTS - len(hits["phase"])
     if repeats or not missing:
-        return found
+        return hits
     # It hits too seldom for the record to hold them all: the orbit goes on from its last impact, which is seen again.
     if len(time):
         phase, speed = (float(orbit[f"impact_{name}"][-1]) for name in ("phase", "velocity"))
-        start = State(osc.stops[0].gap, speed, phase * osc.period)
+        start = State(system.stops[0].gap, speed, phase * system.period)
     more = vi.impact_section(
-        osc,
+        system,
         start=start,
         transient_impacts=1 + max(TRANSIENT - len(time), 0),
         sample_impacts=missing,
-        tolerances=granted(stiffness(osc), TRANSIENT + IMPACTS),
+        tolerances=budget(stiffness(system), TRANSIENT + IMPACTS),
     )
-    return {name: np.append(values, more[name].values) for name, values in found.items()}
+    return {name: np.append(values, more[name].values) for name, values in hits.items()}
 
 
 @dataclass(frozen=True)
@@ -279,9 +280,9 @@ def find_others(view: View, keep_going: KeepGoing) -> list[Other]:
 
     The one with the largest share of the initial conditions comes first.
     """
-    budget = granted(stiffness(view.osc), START_IMPACTS)
-    found = vi.attractors(view.osc, tolerances=budget, workers=1, progress=lambda *progress: keep_going())
-    return [Other(motion.name, motion.share, motion.max_velocity, motion.start) for motion in found]
+    limits = budget(stiffness(view.osc), START_IMPACTS)
+    motions = vi.attractors(view.osc, tolerances=limits, workers=1, progress=lambda *progress: keep_going())
+    return [Other(motion.name, motion.share, motion.max_velocity, motion.start) for motion in motions]
 
 
 class Motions:
@@ -305,25 +306,13 @@ class Motions:
         return point
 
 
-def sentence(
-    osc: Any,
-    kind: MotionClass,
-    status: Status,
-    indices: dict[str, float],
-    start: State | None = None,
-    impacts: int = TRANSIENT,
-) -> str:
-    """Return the motion in a sentence: from which initial condition, and what was seen in so many impacts at most."""
-    origin = "From rest" if start is None else "From the chosen initial condition"
-    return f"{origin}: {_settled_motion(osc, kind, status, indices, impacts)}"
-
-
-def _settled_motion(osc: Any, kind: MotionClass, status: Status, indices: dict[str, float], impacts: int) -> str:
+def _settled_motion(system: Any, kind: MotionClass, status: Status, indices: dict[str, float], impacts: int) -> str:
+    """Return the settled motion as a sentence, and what was seen in so many impacts at most."""
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
     name, peak = motion_name(kind, n, p), f"largest impact velocity {quantity(indices['max_velocity'], 'm/s', 3)}"
     often = "once per period" if n <= 1 else f"once in {n} periods"
     if kind == MotionClass.PERIODIC:
-        growth = indices["lyapunov"] * osc.period
+        growth = indices["lyapunov"] * system.period
         decays = f"; perturbations halve in {_periods(-math.log(2.0) / growth)}" if -1e3 < growth < 0.0 else ""
         return f"{name}, stable, {peak} {often}{decays}."
     if kind == MotionClass.STICKING and not n:
@@ -332,13 +321,13 @@ def _settled_motion(osc: Any, kind: MotionClass, status: Status, indices: dict[s
         rest = 100.0 * indices["stick_fraction"]
         return f"{name}, stable, {peak} {often}; at rest at the stop {rest:.3g} % of the time."
     if kind == MotionClass.CHAOTIC:
-        doubling = math.log(2.0) / (indices["lyapunov"] * osc.period)
+        doubling = math.log(2.0) / (indices["lyapunov"] * system.period)
         return f"{name} over {impacts} impacts, {peak}; perturbations double in {_periods(doubling)}."
     if kind.stored == MotionClass.NO_IMPACT:
         words = "no impact" if status == Status.NO_IMPACT else status.sentence.split(";")[0]
         swings = ""
-        if osc.stops and osc.steady_amplitude < osc.stops[0].gap:
-            reach, gap = (quantity(length, "m", 3) for length in (osc.steady_amplitude, osc.stops[0].gap))
+        if system.stops and system.steady_amplitude < system.stops[0].gap:
+            reach, gap = (quantity(length, "m", 3) for length in (system.steady_amplitude, system.stops[0].gap))
             swings = f"; the steady swing of {reach} stays short of the gap of {gap}"
         return f"{words}{swings}."
     hardest = f", {peak}" if math.isfinite(indices["max_velocity"]) else ""
@@ -369,11 +358,6 @@ def index_rows(point: Point) -> list[tuple[str, str, str]]:
     hits = math.isfinite(point.indices["max_velocity"])
     for name, value in point.indices.items():
         value = value if hits else math.nan
-        index, scale = INDICES[name], spread_scale(name, point.made.velocity_scale)
-        rows.append((index.long_name, index_text(name, shown_spread(value, scale)), plain(index.units)))
+        index, scale = INDICES[name], spread_scale(name, point.system.velocity_scale)
+        rows.append((index.long_name, index_text(name, shown_spread(value, scale)), shown_unit(index.units)))
     return rows
-
-
-def plain(units: str) -> str:
-    """Return a unit; "" for a pure number."""
-    return "" if units == "1" else units

@@ -8,7 +8,6 @@ import functools
 import gc
 import sys
 import threading
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -23,10 +22,10 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from vibroimpact.explorer.address import from_query
 from vibroimpact.explorer.controls import BUTTONS, EXPORTS, MENUS, TICKS
-from vibroimpact.explorer.models import Find, only_known
+from vibroimpact.explorer.models import Find
 from vibroimpact.explorer.packing import packed
 from vibroimpact.explorer.page import Page
-from vibroimpact.explorer.plane import Plane
+from vibroimpact.explorer.plane import Stored
 from vibroimpact.explorer.point import compute_point
 from vibroimpact.explorer.state import CHOICES, View
 from vibroimpact.explorer.views import Parts
@@ -37,7 +36,7 @@ FULL = f"{MOST_PAGES} pages of this explorer are open, and no more may be. Close
 MOST_BYTES = 1 << 20  # of a message or a request from a browser
 SILENT = 10.0  # s after which a connection that asks for nothing is closed
 PING = 15.0  # s between questions to a browser whether it is still there
-LEFT = 3.0  # s after which a tab that left has been cleaned up
+TIDY_DELAY = 3.0  # s after which a tab that left has been cleaned up
 NOTEBOOKS = "http://localhost:* http://127.0.0.1:* vscode-webview:"  # whose pages these may be
 SCRIPTS = ("plots", "motion", "plane", "picture", "rows", "menus", "page")
 _ASSETS = Path(__file__).parent / "assets"
@@ -50,13 +49,11 @@ class Tabs:
     ----------
     view : View
         What a tab shows whose address names nothing.
-    stored, find : callable, optional
+    stored, find : callable
         As for `Explorer`.
     """
 
-    def __init__(
-        self, view: View, stored: Callable[[View], Plane | None] | None = None, find: Find = only_known
-    ) -> None:
+    def __init__(self, view: View, stored: Stored | None, find: Find) -> None:
         self._view, self._stored, self._find = view, stored, find
         self._pool = Pool()
         self.open: set[Socket] = set()
@@ -87,7 +84,7 @@ class Tabs:
     def leave(self, tab: Socket) -> None:
         """Forget a tab; after the last one give memory back that arrays had."""
         self.open.discard(tab)
-        IOLoop.current().call_later(LEFT, self._tidy)
+        IOLoop.current().call_later(TIDY_DELAY, self._tidy)
 
     def _tidy(self) -> None:
         if self.open:

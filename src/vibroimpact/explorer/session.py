@@ -9,8 +9,8 @@ from typing import Any
 
 from vibroimpact.explorer import work
 from vibroimpact.explorer.limits import Range, with_axes, with_ranges
-from vibroimpact.explorer.models import Find, only_known
-from vibroimpact.explorer.plane import Curves, KeepGoing, Line, Plane, compute_line, find_curves
+from vibroimpact.explorer.models import Find, find_ready_made
+from vibroimpact.explorer.plane import Curves, KeepGoing, Line, Plane, Stored, compute_line, find_curves
 from vibroimpact.explorer.point import Motions, Other, Point, find_others
 from vibroimpact.explorer.state import MOST_PINS, View, rounded, typed_number
 from vibroimpact.explorer.work import Clock, Job, Pool, Refinement, Urgency, Work
@@ -56,8 +56,8 @@ class Explorer:
         view: View | None = None,
         pool: Pool | None = None,
         listener: Callable[[list[Message]], None] | None = None,
-        stored: Callable[[View], Plane | None] | None = None,
-        find: Find = only_known,
+        stored: Stored | None = None,
+        find: Find = find_ready_made,
     ) -> None:
         self.view, self.find = view or View(), find
         self.plane: Plane | None = None  # of this view: None until its first lattice is complete
@@ -68,7 +68,7 @@ class Explorer:
         self.pins: list[Point] = []
         self.stored = stored
         self._listener = listener
-        self._own_pool, self._started = pool is None, False
+        self._owns_pool, self._started = pool is None, False
         self._work = Work(pool or Pool(), self._failed, lambda: self._send(("rest", None)))
         self._lock = self._work.lock
         self._motions = Motions()
@@ -109,7 +109,7 @@ class Explorer:
     def close(self) -> None:
         """Stop all work for this page."""
         self._work.close()
-        if self._own_pool:
+        if self._owns_pool:
             self._work.pool.close()
 
     # ---- what a person does
@@ -289,23 +289,24 @@ class Explorer:
         else:
             self._refinement = Refinement(Plane.unknown(self.view), self._work, self._show_plane)
 
-    def _show_plane(self, what: str, plane: Plane) -> None:
+    def _show_plane(self, news: str, plane: Plane) -> None:
         """Send what is new of a plane: "plane", "hatch", or that it is "late"."""
         limit = f"{work.PLANE_SECONDS:g} s"
         with self._lock:
             if plane.view.plane_key != self.view.plane_key:
                 return
-            if what == "plane":
-                plane.view, self.plane = self.view, plane
-            if what != "late":
-                self._send((what, plane))
-            if what == "late":
+            message = ""
+            if news == "late":
                 message = (
                     f"This plane takes more than {limit}: go on with it, zoom in, or sample fewer impacts per cell."
                 )
-                self._send(("message", message), ("late", True))
-            elif what == "hatch" and plane.tried is False:
-                message = f"hatching of cells without impact from rest incomplete: stopped after {limit}"
+            else:
+                if news == "plane":
+                    plane.view, self.plane = self.view, plane
+                elif plane.tried is False:
+                    message = f"hatching of cells without impact from rest incomplete: stopped after {limit}"
+                self._send((news, plane))
+            if message:
                 self._send(("message", message), ("late", True))
 
     def _renew_line(self) -> None:

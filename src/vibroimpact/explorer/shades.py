@@ -15,21 +15,19 @@ from numpy.typing import NDArray
 
 from vibroimpact.explorer.plane import Floats, Plane
 from vibroimpact.explorer.state import GREEK
-from vibroimpact.figures import MOTION
+from vibroimpact.figures import EXPONENTS, MOTION
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import motion_name, refined
 from vibroimpact.plotting.categories import COUNTS, missing_layers, motion_layers, number_layers
-from vibroimpact.plotting.cells import COLORS, symmetric_limit
-from vibroimpact.plotting.cells import SIGNED as SIGNED_COLORS
+from vibroimpact.plotting.cells import COLORS, SIGNED, symmetric_limit
 from vibroimpact.plotting.labels import WORDS
 from vibroimpact.plotting.style import STICKING, Layer
 from vibroimpact.plotting.ticks import power_of, prefixed
 
 KIND, PERIOD = 1e10, 1e5  # kind of motion, periods and impacts in one number
-SIGNED = frozenset({"lyapunov", "lyapunov_per_impact"})
 SCALES: dict[bool, tuple[str, ...]] = {
     signed: tuple(map(to_hex, colormaps[name].resampled(number)(range(number))))
-    for signed, name, number in ((True, SIGNED_COLORS, 255), (False, COLORS, 256))  # an odd number has a middle
+    for signed, name, number in ((True, SIGNED, 255), (False, COLORS, 256))  # an odd number has a middle
 }
 DECADES = 6  # that a logarithmic scale spans at most
 PERCENT = 99.5  # of the cells that the colours distinguish
@@ -66,7 +64,7 @@ def shades(plane: Plane) -> Shades:
         title += f" {GREEK.get(index.symbol, index.symbol)}"
     if view.index in COUNTS:
         return _categories(value, name, title, number_layers(sweep, field))
-    signed, log = view.index in SIGNED, view.log and view.index not in SIGNED
+    signed, log = view.index in EXPONENTS, view.log and view.index not in EXPONENTS
     low, high = _limits(value[np.isfinite(value)], signed, log)
     power = power_of([low, high])
     ticks = tuple(_ticks(low, high, log, 10.0**power))
@@ -98,9 +96,9 @@ def name_of(code: float) -> str:
     return motion_name(int(kind), int(n), int(p) - 1)
 
 
-def _categories(value: Any, name: Floats, title: str, found: Iterator[Layer]) -> Shades:
+def _categories(value: Any, name: Floats, title: str, categories: Iterator[Layer]) -> Shades:
     """Return a plane of categories: each its colour, in the legend with its share of the cells."""
-    layers = [layer for layer in found if layer[0].any()]
+    layers = [layer for layer in categories if layer[0].any()]
     return Shades(
         number=_numbers(layers, np.zeros(value.shape, np.uint16), 0),
         value=value,

@@ -10,7 +10,7 @@ from functools import cached_property
 from itertools import product
 from typing import Any
 
-from vibroimpact.explorer.limits import EDGE, PIN, Range, check_limits, checked_range, checked_start, made_of, stiffness
+from vibroimpact.explorer.limits import Range, check_limits, checked_range, checked_start, stiffness, system_of
 from vibroimpact.figures import MOTION
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State
@@ -133,14 +133,15 @@ class View:
             name = f"{axis}_range"
             parameter = self.table[getattr(self, axis)]
             object.__setattr__(self, name, checked_range(axis, parameter, getattr(self, name)))
-        for where, points in (("", [self.osc]), (PIN, self.pins), (EDGE, self.corners())):
+        corners = self.corners()
+        for where, points in (("", [self.osc]), (" in a pin", self.pins), (" at the edge of the plane", corners)):
             for osc in points:
                 check_limits(osc, where)
-        for kind, number in (("coordinate", self.made.coordinates), ("stop", len(self.made.stops))):
+        for kind, number in (("coordinate", self.system.coordinates), ("stop", len(self.system.stops))):
             if getattr(self, kind) > number:
                 raise invalid(kind, getattr(self, kind), f"at most {number}, as many as there are")
         if self.start is not None:
-            object.__setattr__(self, "start", checked_start(self.start, self.made))
+            object.__setattr__(self, "start", checked_start(self.start, self.system))
 
     @cached_property
     def table(self) -> dict[str, Parameter]:
@@ -148,9 +149,9 @@ class View:
         return table(self.osc)
 
     @cached_property
-    def made(self) -> Any:
+    def system(self) -> Any:
         """The oscillator or system at the point."""
-        return made_of(self.osc)
+        return system_of(self.osc)
 
     def corners(self) -> list[Model]:
         """Return the models at the plane's four corners."""
@@ -175,7 +176,7 @@ class View:
     def line_key(self) -> tuple[Any, ...]:
         """What the diagram depends on."""
         along, ends = self.along
-        return along, ends, self.stop, self._others(along)
+        return along, ends, self.stop, self._fixed(along)
 
     @property
     def boundary_key(self) -> tuple[Any, ...]:
@@ -184,9 +185,9 @@ class View:
 
     @property
     def _plane(self) -> tuple[Any, ...]:
-        return self.x, self.y, self.x_range, self.y_range, self._others(self.x, self.y)
+        return self.x, self.y, self.x_range, self.y_range, self._fixed(self.x, self.y)
 
-    def _others(self, *varied: str) -> tuple[Any, ...]:
+    def _fixed(self, *varied: str) -> tuple[Any, ...]:
         """Return the model, and its parameters that are not varied."""
         return self.model, *(value for name, value in self.osc.values.items() if name not in varied)
 
@@ -242,13 +243,14 @@ def symbol(parameter: Parameter) -> str:
     return GREEK.get(parameter.symbol, parameter.symbol) if has_symbol else parameter.long_name
 
 
-def unit(parameter: Parameter) -> str:
-    """Return a parameter's unit; "" where it has none."""
-    return "" if parameter.unit == "1" else parameter.unit
+def shown_unit(unit: str) -> str:
+    """Return a unit as it is shown: nothing for a pure number."""
+    return "" if unit == "1" else unit
 
 
 def parameter_label(parameter: Parameter, units: bool = True) -> str:
     """Return 'driving frequency ω [rad/s]'."""
     name = SHORTER.get(parameter.long_name, parameter.long_name)
     label = name if symbol(parameter) == parameter.long_name else f"{name} {symbol(parameter)}"
-    return f"{label} [{unit(parameter)}]" if units and unit(parameter) else label
+    unit = shown_unit(parameter.unit)
+    return f"{label} [{unit}]" if units and unit else label

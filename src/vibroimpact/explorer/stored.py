@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +15,8 @@ import xarray as xr
 from vibroimpact import models
 from vibroimpact.dataset import model_of, variable
 from vibroimpact.explorer.limits import FINEST
-from vibroimpact.explorer.models import Find, opened_as
-from vibroimpact.explorer.plane import Plane, positions
+from vibroimpact.explorer.models import Find, name_in_links
+from vibroimpact.explorer.plane import Plane, Stored, positions
 from vibroimpact.explorer.state import SAMPLES, View, table
 from vibroimpact.families import ready_made
 from vibroimpact.figures import MOTION
@@ -26,8 +25,6 @@ from vibroimpact.indices import INDICES
 from vibroimpact.model import Model
 from vibroimpact.motion.classes import NEEDED, classify
 from vibroimpact.parameters import Parameter, check_fits
-
-Stored = Callable[[View], Plane | None]
 
 
 def open_study(path: str | os.PathLike[str], model: Model | None = None, name: str = "") -> tuple[View, Stored, Find]:
@@ -63,30 +60,30 @@ def open_study(path: str | os.PathLike[str], model: Model | None = None, name: s
         raise OSError(f"`store` {os.fspath(path)!r} is damaged ({type(error).__name__}: {error})") from error
 
 
-def _view_of(path: str | os.PathLike[str], model: Model | None, called: str) -> tuple[View, Stored, Find]:
+def _view_of(path: str | os.PathLike[str], model: Model | None, name: str) -> tuple[View, Stored, Find]:
     sweep = _read(path)
-    model, called, find = _model_of(path, sweep, model, called)
+    model, name, find = _model_of(path, sweep, model, name)
     parameters = table(model)
     sweep = sweep if "frequency" in parameters else _over_omega(sweep)
     status = sweep.get("status")
-    dims = [str(name) for name in status.dims] if status is not None else []
-    sweep = sweep.drop_vars([name for name, index in sweep.data_vars.items() if not set(index.dims) <= set(dims)])
-    indices = [name for name in sweep.data_vars if name in INDICES]
-    if len(dims) < 2 or not indices or any(name not in parameters for name in dims):
+    dims = [str(dim) for dim in status.dims] if status is not None else []
+    sweep = sweep.drop_vars([key for key, index in sweep.data_vars.items() if not set(index.dims) <= set(dims)])
+    indices = [key for key in sweep.data_vars if key in INDICES]
+    if len(dims) < 2 or not indices or any(axis not in parameters for axis in dims):
         raise ValueError(
             f"`store` must be a sweep over two or more of {', '.join(parameters)}"
             f"{'' if 'frequency' in parameters else ' (or frequency for omega)'}, got "
             f"{os.fspath(path)!r} with axes {', '.join(dims) or 'none'}; make one with `vibroimpact map --out`"
         )
-    for name in dims[2:]:
-        sweep = sweep.isel({name: sweep.sizes[name] // 2})
-    osc = model.replace(**{name: float(sweep[name]) for name in dims[2:]})
+    for axis in dims[2:]:
+        sweep = sweep.isel({axis: sweep.sizes[axis] // 2})
+    osc = model.replace(**{axis: float(sweep[axis]) for axis in dims[2:]})
     x, y = dims[:2]
-    ranges = {name: _edges(parameters[name], sweep[name].values) for name in (x, y)}
-    middle = {name: float(np.clip(osc.values[name], *ranges[name])) for name in (x, y)}
+    ranges = {axis: _edges(parameters[axis], sweep[axis].values) for axis in (x, y)}
+    middle = {axis: float(np.clip(osc.values[axis], *ranges[axis])) for axis in (x, y)}
     view = View(
         osc=osc.replace(**middle), x=x, y=y, x_range=ranges[x], y_range=ranges[y], index=str(indices[0]),
-        samples=_samples(sweep), model=called,
+        samples=_samples(sweep), model=name,
     )  # fmt: skip
     plane, shown = _plane(view, sweep.transpose(x, y, ...), Path(path).name)
 
@@ -130,11 +127,13 @@ def _model_of(
             family = str(values.pop("family"))
             if model is None and family not in models.__all__:
                 raise ValueError(f"it was made from a family {family!r}; say where that is, with --model FILE.py:NAME")
-            model, name = (ready_made(family), family) if model is None else (model, name)
-            return (made := model.replace(**values)), *opened_as(made, name)
+            if model is None:
+                model, name = ready_made(family), family
+            model = model.replace(**values)
+            return model, *name_in_links(model, name)
         if "system" in sweep.attrs or "oscillator" in sweep.attrs:
-            made = model_of(sweep)
-            return made, *opened_as(made, name or Path(path).name)
+            model = model_of(sweep)
+            return model, *name_in_links(model, name or Path(path).name)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise ValueError(
             f"`store` must be a sweep as `vibroimpact map --out` writes it; the model of {file!r} is unknown ({error})"
@@ -198,7 +197,7 @@ def _plane(view: View, sweep: xr.Dataset, name: str) -> tuple[Plane, frozenset[s
     except (RuntimeError, OSError) as error:  # raised for a damaged tile
         raise OSError(f"`store`: a tile of {name!r} cannot be read ({error}); run the sweep again") from error
     plane = Plane.unknown(view)
-    growth = {"lyapunov_per_impact"} <= set(near) or {"lyapunov", "impacts_per_period"} <= set(near)
+    growth = "lyapunov_per_impact" in near or ("lyapunov" in near and "impacts_per_period" in near)
     if growth and set(NEEDED[1:]) <= set(map(str, near.variables)):
         near = near.assign(motion=classify(near)["motion"])
     for key, array in plane.values.items():

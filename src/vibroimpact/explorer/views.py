@@ -11,9 +11,9 @@ from vibroimpact.cells import FASTEST
 from vibroimpact.coexistence.measuring import SPREAD
 from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.plane import FOLLOWED, ONLY_OTHERS, OTHERS, TRANSIENT, WORST, Curves, Line, Plane
-from vibroimpact.explorer.point import Other, Point, index_rows, plain
+from vibroimpact.explorer.point import Other, Point, index_rows
 from vibroimpact.explorer.shades import name_of, shades
-from vibroimpact.explorer.state import View, parameter_label, symbol, table, unit
+from vibroimpact.explorer.state import View, parameter_label, shown_unit, symbol, table
 from vibroimpact.indices import INDICES
 from vibroimpact.plotting.diagrams import UNRANKED
 from vibroimpact.plotting.style import BOUNDARY_COLORS, GREEN, RED, STATUS_COLORS
@@ -80,7 +80,7 @@ class PlaneView:
             "names": names.ravel().astype(np.uint16),
             "motions": [name_of(code) for code in motions.tolist()],
             "index": "" if named else SHORT.get(INDICES[view.index].long_name, INDICES[view.index].long_name),
-            "unit": "" if named else plain(INDICES[view.index].units),
+            "unit": "" if named else shown_unit(INDICES[view.index].units),
             "colors": colours.colors,
             "scale": colours.scale,
             "origin": plane.origin,
@@ -122,12 +122,11 @@ class PlaneView:
 
     def show_curves(self, curves: Curves | None) -> Parts:
         """Draw boundaries over the plane, or remove them."""
-        curves = curves or Curves([], [], [], [])
+        curves = curves or Curves([], [], [])
         colors = [BOUNDARY_COLORS[kind] for kind in curves.kinds]
-        places = [np.column_stack([x, y]) for x, y in zip(curves.x, curves.y, strict=True)]
         drawn = {
-            "lengths": [len(points) for points in places],
-            "places": np.concatenate([np.empty((0, 2)), *places]).ravel(),
+            "lengths": [len(points) for points in curves.points],
+            "places": np.concatenate([np.empty((0, 2)), *curves.points]).ravel(),
             "colors": colors,
             "words": curves.descriptions,
         }
@@ -158,13 +157,13 @@ class PointView:
 
     def show_point(self, point: Point) -> Parts:
         """Draw the present motion."""
-        self._point, made = point, point.made
+        self._point, system = point, point.system
         reached = np.concatenate([point.history["displacement"], *_places(point), [0.0]])
-        single = made.coordinates == 1 and bool(np.max(made.stiffness) > 0.0)
+        single = system.coordinates == 1 and bool(np.max(system.stiffness) > 0.0)
         facts = {
-            "period": made.period,
+            "period": system.period,
             "single": single,  # one mass on a spring, and then whether a sine drives it
-            "force": 1.0 if single and _sine(made) else 0.0,
+            "force": 1.0 if single and _sine(system) else 0.0,
             "label": point.shown.name,
             "low": float(reached.min()),
             "high": float(reached.max()),
@@ -195,15 +194,17 @@ class PointView:
     def _frame(self) -> dict[str, Any]:
         """Fit the axes to what is drawn, without zooming into rounding."""
         assert self._point is not None
-        drawn, made = [self._point, *self._pins], self._point.made
+        drawn, system = [self._point, *self._pins], self._point.system
         y = np.concatenate([point.history["displacement"] for point in drawn])
         v = np.concatenate([point.history["velocity"] for point in drawn])
         speeds = np.concatenate([point.impact_map["velocity"] for point in drawn])
-        y_limits = limits(np.concatenate([y, *(place for one in drawn for place in _places(one))]), self._point.size)
-        v_limits = limits(v, made.velocity_scale or 1.0)
+        y_limits = limits(
+            np.concatenate([y, *(place for point in drawn for place in _places(point))]), self._point.size
+        )
+        v_limits = limits(v, system.velocity_scale or 1.0)
         time = self._point.history["time"]
-        begin, last = (float(time[0]), float(time[-1])) if time.size else (0.0, made.period)
-        shown = max(SHOWN_PERIODS, 2 * min(self._point.n_periods, 16)) * made.period
+        begin, last = (float(time[0]), float(time[-1])) if time.size else (0.0, system.period)
+        shown = max(SHOWN_PERIODS, 2 * min(self._point.n_periods, 16)) * system.period
         most = float(speeds.max(initial=0.0)) or 1.0
         return {
             "history": [(begin, min(begin + shown, last)), y_limits],
@@ -246,10 +247,10 @@ def numbers_table(point: Point, pins: list[Point]) -> str:
         units = units if any(map(str.isdigit, "".join(values))) else ""
         rows.append(_row(SHORT.get(long_name, long_name), values, units, long_name))
     for name, parameter in table(point.osc).items():
-        values = [one.osc.values[name] for one in points]
+        values = [shown.osc.values[name] for shown in points]
         if len(set(values)) > 1:
             label = parameter_label(parameter, units=False)
-            rows.append(_row(label, [f"{value:.5g}" for value in values], unit(parameter)))
+            rows.append(_row(label, [f"{value:.5g}" for value in values], shown_unit(parameter.unit)))
     head = "" if not pins else "<tr><th></th>" + "".join(
         f"<td style='border-bottom:3px solid var(--{color})'>{name}</td>"
         for name, color in zip(["here", *LETTERS[: len(pins)]], COLORS, strict=False)
@@ -298,9 +299,9 @@ def _places(point: Point) -> list[Any]:
     return [shown.place(wall, time if shown.moves(wall) else np.zeros(min(1, len(time)))) for wall in shown.walls]
 
 
-def _sine(made: Any) -> bool:
+def _sine(system: Any) -> bool:
     """Whether a single coordinate is driven by a sine of its own sense: the page turns its arrow so."""
-    form = made.modal()
+    form = system.modal()
     force = form.forces[form.orders == 1]
     return bool(force.real.any() and (force.real >= 0.0).all()) and not force.imag.any()
 
@@ -310,7 +311,7 @@ def one_turn(point: Point) -> int:
     time = point.history["time"]
     if not (point.settled and point.n_periods and time.size):
         return int(time.size)
-    after = int(np.searchsorted(time, time[0] + point.n_periods * point.made.period, "right"))
+    after = int(np.searchsorted(time, time[0] + point.n_periods * point.system.period, "right"))
     return min(after + 1, time.size)
 
 

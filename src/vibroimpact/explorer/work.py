@@ -286,7 +286,7 @@ class Refinement:
         self.plane, self._work, self._tell = plane, work, tell
         self._stamp, self._begun = work.renew("plane"), time.monotonic()
         self._spent, self._level = 0.0, 0
-        self._left: list[Callable[[KeepGoing], bool]] = []  # parts of a lattice that are not yet filled
+        self._unfilled: list[Callable[[KeepGoing], bool]] = []  # parts of a lattice
         self._sides = sides(plane.view)
         self._queue(0)
 
@@ -299,26 +299,26 @@ class Refinement:
         self._level, view = level, self.plane.view
         if self._hatching:
             self._spent = 0.0
-            self._left = [partial(self.plane.try_others, places) for places in self.plane.quiet()]
+            self._unfilled = [partial(self.plane.try_others, places) for places in self.plane.quiet()]
         else:
             samples = view.samples * (TRIED[-1] if view.worst else 1)
-            self._left = [
+            self._unfilled = [
                 partial(self.plane.fill, *part) for part in bands(self._sides[level], samples, self._sides[0])
             ]
         self._submit()
 
     def _submit(self) -> None:
-        if self._hatching and self._left:
+        if self._hatching and self._unfilled:
             self.plane.tried = None
             self._tell("hatch", self.plane)
         urgency = Urgency.FINE if self._level else Urgency.COARSE
-        for job in list(self._left):
+        for job in list(self._unfilled):
             self._work.submit("plane", urgency, partial(self._run, job, self._stamp), self._stamp)
 
     def go_on(self) -> None:
         """Take up again what was left for lack of time."""
         with self._work.lock:
-            if self._work.wanted("plane", self._stamp) or not self._left:
+            if self._work.wanted("plane", self._stamp) or not self._unfilled:
                 return
             self._stamp, self._spent = self._work.renew("plane"), 0.0
         self._submit()
@@ -336,9 +336,10 @@ class Refinement:
             raise
         with self._work.lock:
             self._spent += clock() - begun
-            if filled and job in self._left:  # not again by one that was under way when the plane was left and went on
-                self._left.remove(job)
-            complete = self._work.wanted("plane", stamp) and not self._left
+            # A job that was under way when the plane was left and went on may be done twice.
+            if filled and job in self._unfilled:
+                self._unfilled.remove(job)
+            complete = self._work.wanted("plane", stamp) and not self._unfilled
         if complete and level < len(self._sides):
             self.plane.side, self.plane.seconds = self._sides[level], time.monotonic() - self._begun
             self._tell("plane", self.plane)

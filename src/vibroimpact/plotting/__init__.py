@@ -64,7 +64,7 @@ def __dir__() -> list[str]:
 def _drawer(kind: figures.Kind) -> Callable[..., Axes | Figure]:
     """Return the function of a kind of figure; a bundled one takes all parts of one dataset."""
     draw: Callable[..., Axes | Figure] = globals()[kind.function]
-    return (lambda dataset, **how: draw(unbundle(dataset), **how)) if kind.bundled else draw
+    return (lambda dataset, **options: draw(unbundle(dataset), **options)) if kind.bundled else draw
 
 
 KINDS: dict[str, Callable[..., Axes | Figure]] = {name: _drawer(kind) for name, kind in figures.KINDS.items()}
@@ -172,8 +172,8 @@ def save_figure(
             "`figure` must be axes that belong to a figure; these were removed from theirs, draw them again"
         )
     target = check_output(path, overwrite=overwrite, endings=tuple(_METADATA))
-    ending, own_size = target.suffix.lower(), whole.get_size_inches()
-    pixels = math.prod(own_size if size is None else size) * dots**2
+    ending, original_size = target.suffix.lower(), whole.get_size_inches()
+    pixels = math.prod(original_size if size is None else size) * dots**2
     check_fits("dpi", f"makes {pixels:.3g} pixels, which take", int(PIXEL * pixels), "take a lower one")
     try:
         if size is not None:
@@ -181,5 +181,5 @@ def save_figure(
         with replacing(target, overwrite=overwrite) as part, mpl.rc_context({"svg.hashsalt": "vibroimpact"}):
             whole.savefig(part, dpi=dots, format=ending[1:], metadata=_METADATA[ending])
     finally:
-        whole.set_size_inches(*own_size)
+        whole.set_size_inches(*original_size)
     return target

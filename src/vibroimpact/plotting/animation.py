@@ -167,8 +167,8 @@ def _mp4_writer() -> Callable[[Path, Iterator[Image.Image]], None]:
             for frame in chain((first,), frames):
                 running.stdin.write(frame.crop((0, 0, width, height)).tobytes())
             running.stdin.close()
-            said = running.stderr.read().decode(errors="replace")
+            errors = running.stderr.read().decode(errors="replace")
         if running.returncode:
-            raise OSError(f"ffmpeg could not write {path.name}: {said.strip()[-200:]}")
+            raise OSError(f"ffmpeg could not write {path.name}: {errors.strip()[-200:]}")
 
     return write

@@ -43,7 +43,6 @@ COLORS = {
     MotionClass.NO_IMPACT: "#c9c9c9",
     MotionClass.UNDECIDED: OPEN,
 }
-WORDS = {kind: kind.label for kind in COLORS}
 
 Name = TypeVar("Name", bound=Hashable)
 
@@ -64,7 +63,7 @@ def motion_layers(codes: Any, n_periods: Any, n_impacts: Any) -> Iterator[Layer]
         rest = rest & ~mask
         yield mask, color, cycle_name(*name)
     yield rest, OTHER_PERIODIC, "other periodic"
-    yield from ((codes == kind, COLORS[kind], word) for kind, word in WORDS.items())
+    yield from ((codes == kind, color, kind.label) for kind, color in COLORS.items())
 
 
 def number_layers(sweep: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
@@ -80,18 +79,18 @@ def number_layers(sweep: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
     yield from missing_layers(sweep, field, "")
 
 
-def missing_layers(sweep: xr.Dataset, field: xr.DataArray, of_what: str) -> Iterator[Layer]:
+def missing_layers(sweep: xr.Dataset, field: xr.DataArray, noun: str) -> Iterator[Layer]:
     """Yield for each reason why an index has no value which cells it leaves without one, its colour and its name.
 
-    Without a noun `of_what` for the cells they are not counted.
+    Cells are counted by their `noun`; without one they are not counted.
     """
     values, codes = field.values, sweep["status"].transpose(*field.dims).values
     gone = values <= 0 if field.name in COUNTS else ~np.isfinite(values)
     ended = codes > Status.SHORT_WINDOW
-    yield from style.by_status(gone & ended, codes, of_what, style.origin(sweep))
+    yield from style.by_status(gone & ended, codes, noun, style.origin(sweep))
     for reason, color, text in _reasons(sweep, field, values):
         if count := int((mask := gone & ~ended & reason).sum()):
-            yield mask, color, text + (f" ({counted(count, of_what)})" if of_what else "")
+            yield mask, color, text + (f" ({counted(count, noun)})" if noun else "")
 
 
 def _reasons(sweep: xr.Dataset, field: xr.DataArray, values: Any) -> Iterator[tuple[Mask, str, str]]:
@@ -101,11 +100,11 @@ def _reasons(sweep: xr.Dataset, field: xr.DataArray, values: Any) -> Iterator[tu
         yield sticks, STICKING, rf"sticking: {labels.symbol_of(field)} = $-\infty$"
         yield ~sticks, NO_VALUE, _without(field)
         return
-    kinds = _kinds(sweep, field)
+    kinds = _classes(sweep, field)
     sticks = (values < 0) | (kinds == MotionClass.STICKING)
     yield sticks, STICKING, "complete chatter" if field.name == "n_impacts" else "intermittent sticking"
     for kind in (MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC, MotionClass.UNDECIDED):
-        yield ~sticks & (kinds == kind), COLORS[kind], WORDS[kind]
+        yield ~sticks & (kinds == kind), COLORS[kind], kind.label
     yield ~sticks & (kinds < 0), INK, "no cycle found: chaotic or undecided"
 
 
@@ -118,7 +117,7 @@ def _without(field: xr.DataArray) -> str:
     return f"{field['stop'].item()} is not struck" if "stop" in field.coords else "no value"
 
 
-def _kinds(sweep: xr.Dataset, field: xr.DataArray) -> Any:
+def _classes(sweep: xr.Dataset, field: xr.DataArray) -> Any:
     """Return the classes of motion of a map, -1 where it does not hold what decides them."""
     decides = set(NEEDED) <= set(map(str, sweep.variables)) and "sample_impacts" in sweep.attrs.get("arguments", "")
     return classify(sweep)["motion"].transpose(*field.dims).values if decides else np.full(field.shape, -1)

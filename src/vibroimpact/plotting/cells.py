@@ -44,11 +44,11 @@ def frame_plane(ax: Axes, field: xr.DataArray) -> None:
     labels.label_axes(ax, x, y)
 
 
-def colour_mesh(ax: Axes, field: xr.DataArray, values: Any, **how: Any) -> QuadMesh:
+def colour_mesh(ax: Axes, field: xr.DataArray, values: Any, **options: Any) -> QuadMesh:
     """Draw a rectangle per cell in place of the grid's lines: colours, or numbers with their `cmap` and `norm`."""
     ax.grid(visible=False)
     x, y, _ = grid_of(field)
-    return ax.pcolormesh(x, y, values, shading="nearest", zorder=1, rasterized=True, **how)
+    return ax.pcolormesh(x, y, values, shading="nearest", zorder=1, rasterized=True, **options)
 
 
 def swatch(color: str, text: str) -> Patch:
@@ -97,12 +97,12 @@ def _edges(centres: Floats) -> Floats:
     return np.concatenate([[2.0 * centres[0] - inner[0]], inner, [2.0 * centres[-1] - inner[-1]]])
 
 
-def add_bar(ax: Axes, mesh: Any, field: xr.DataArray, note: str = "", **how: Any) -> Any:
+def add_bar(ax: Axes, mesh: Any, field: xr.DataArray, note: str = "", **options: Any) -> Any:
     """Put the scale of colours beside a map, labelled with quantity and unit."""
     figure: Any = ax.get_figure(root=True)
     power = power_of(mesh.get_clim())
-    bar = figure.colorbar(mesh, ax=ax, format=Scaled(power), **how)
-    height = figure.get_size_inches()[1] * ax.get_position().height * how.get("shrink", 1.0)
+    bar = figure.colorbar(mesh, ax=ax, format=Scaled(power), **options)
+    height = figure.get_size_inches()[1] * ax.get_position().height * options.get("shrink", 1.0)
     bar.set_label(labels.wrapped(f"{labels.label(field, power)} {note}", labels.PER_INCH * height), labelpad=6)
     return bar
 
@@ -142,8 +142,8 @@ def draw_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
         shown = [(mask.T, color, f"{share_of(mask)}   {text}") for mask, color, text in number_layers(sweep, field)]
         style.legend_beside(ax, fill_cells(ax, field, shown, OPEN), f"share of the cells, and\n{labels.label(field)}")
     else:
-        how, bar = colour_scale(sweep, field)
-        add_bar(ax, colour_mesh(ax, field, np.ma.masked_invalid(values), **how), field, pad=0.02, **bar)
+        scale, bar = colour_scale(sweep, field)
+        add_bar(ax, colour_mesh(ax, field, np.ma.masked_invalid(values), **scale), field, pad=0.02, **bar)
         missing = missing_layers(sweep, field, "cell")
         entries = fill_cells(ax, field, ((mask.T, color, text) for mask, color, text in missing))
     frame_plane(ax, field)

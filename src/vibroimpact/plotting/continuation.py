@@ -56,16 +56,16 @@ DASHES: dict[int, Any] = {1: "solid", 2: (0, (5, 2)), 3: (0, (2, 1.5))}  # by n_
 MORE_PERIODS = (0, (1, 1))
 
 
-def _parts(argument: str, given: Any, mark: str, what: str, makers: str) -> list[xr.Dataset]:
-    """Return the datasets of what was given, alone or in a sequence, if all hold the variable that marks their kind."""
-    alone = isinstance(given, xr.Dataset) or not np.iterable(given)
-    parts = [getattr(part, "dataset", part) for part in ([given] if alone else given)]
-    for part in parts:
-        if not isinstance(part, xr.Dataset) or mark not in part or not _along(part):
-            raise labels.refused(argument, part, what, f"pass what {makers} returns")
-    if not parts:
-        raise ValueError(f"`{argument}` must hold at least one of {what}, got none; pass what {makers} returns")
-    return parts
+def _datasets(argument: str, value: Any, variable: str, allowed: str, makers: str) -> list[xr.Dataset]:
+    """Return the datasets of results, of one or of a sequence, if all hold the variable that tells their kind."""
+    alone = isinstance(value, xr.Dataset) or not np.iterable(value)
+    datasets = [getattr(result, "dataset", result) for result in ([value] if alone else value)]
+    for dataset in datasets:
+        if not isinstance(dataset, xr.Dataset) or variable not in dataset or not _along(dataset):
+            raise labels.refused(argument, dataset, allowed, f"pass what {makers} returns")
+    if not datasets:
+        raise ValueError(f"`{argument}` must hold at least one of {allowed}, got none; pass what {makers} returns")
+    return datasets
 
 
 def _plane(argument: str, drawn: list[xr.Dataset], must: str) -> list[str]:
@@ -120,17 +120,18 @@ def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | 
     >>> [text.get_text() for text in ax.texts]
     ['PD']
     """
-    drawn = _parts("branches", branches, "special_kind", "branches of periodic orbits", "continue_orbit")
+    drawn = _datasets("branches", branches, "special_kind", "branches of periodic orbits", "continue_orbit")
     (parameter,) = _plane("branches", drawn, "go along one parameter")
     if diagram is not None:
         _check_beneath(diagram, parameter)
     ax = style.new_axes(ax, (8.0, 5.0), labels.title(drawn[0] if diagram is None else diagram))
     heights = _draw_beneath(ax, drawn, diagram, parameter)
     entries = ax.get_legend_handles_labels()[0]
-    colors = dict(zip(dict.fromkeys(map(motion_along, drawn)), cycle(COLORS)))
+    names = [motion_along(branch) for branch in drawn]
+    colors = dict(zip(dict.fromkeys(names), cycle(COLORS)))
     looks: set[int] = set()
     in_view = [heights]
-    for branch, name in zip(drawn, map(motion_along, drawn), strict=True):
+    for branch, name in zip(drawn, names, strict=True):
         for part in split(branch, parameter):
             ax.plot(part.values, part.velocities, color=colors[name], zorder=3, **LOOKS[part.look] | {"label": None})
             looks.add(part.look)
@@ -218,7 +219,7 @@ def _merged(ax: Axes, names: list[tuple[float, float, str]]) -> list[tuple[float
 
 
 def _check_beneath(diagram: Any, parameter: str) -> None:
-    axis, samples = check_diagram("diagram", diagram)
+    axis, samples = check_diagram(diagram)
     if samples != "impact" or axis != parameter:
         raise ValueError(
             f"`diagram` must hold impacts over {parameter}, as `branches` do, got {samples}s over {axis}; "
@@ -267,12 +268,12 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
     'period doubling of period-1 impact-1'
     """
     makers = "continue_boundary or boundary_curves"
-    drawn = _parts("curves", curves, "kind", "boundaries in a plane of two parameters", makers)
+    drawn = _datasets("curves", curves, "kind", "boundaries in a plane of two parameters", makers)
     plane = _plane("curves", drawn, "lie in one plane")
     below: list[Any] = []
     if sweep is not None:
         _check_plane(sweep, plane)
-        sweep, field = check_sweep("sweep", sweep, index, 2)
+        sweep, field = check_sweep(sweep, index, 2)
         ax = style.new_axes(ax, (7.2, 5.4), labels.title(sweep))
         below = draw_cells(ax, sweep, field)
     ax = style.new_axes(ax, (7.2, 5.4), labels.title(drawn[0]))

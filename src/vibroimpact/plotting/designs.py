@@ -32,7 +32,6 @@ _FRAME, _MASS_LEFT, _MASS_RIGHT, _STOP = 0.0, 4.0, 6.4, 8.0
 _BOTTOM, _TOP = 0.0, 2.8
 _SPRING, _DAMPER = 2.05, 0.75
 
-
 SETTLED = 1000  # impacts, and periods, left out before a comparison
 SAMPLED = 2000
 COMPARABLE = 4.0  # designs whose views differ by more than this factor keep views of their own
@@ -187,7 +186,7 @@ def comparison_figure(
         figure, axes = plt.subplots(3, 2, figsize=check_size(size), layout="constrained")
     for column, (osc, head, texts) in enumerate(zip(models, heads, differing, strict=True)):
         section = impact_section(osc, transient_impacts=SETTLED, sample_impacts=SAMPLED)
-        motion = simulate(osc, start=_settled(osc), periods=periods)
+        motion = simulate(osc, start=_settled_state(osc), periods=periods)
         time_history(motion, ax=axes[0, column])
         phase_portrait(motion, ax=axes[1, column])
         impact_map(section, ax=axes[2, column])
@@ -214,7 +213,9 @@ def _designs(designs: Any, names: Sequence[str]) -> Designs:
         a, b = (model.values for model in models)
         differing = [name for name in a if a[name] != b.get(name)]
         texts = [[labels.parameter_text(name, model) for name in differing if name in model.values] for model in models]
-        heads = [[f"{name}: {_named(model.at())} from rest"] for name, model in zip(names, models, strict=True)]
+        heads = [
+            [f"{name}: {_motion_from_rest(model.at())} from rest"] for name, model in zip(names, models, strict=True)
+        ]
         return [model.at() for model in models], heads, texts
     allowed = "the dataset of a comparison, or two models with two names"
     raise labels.refused("designs", designs, allowed, "pass for example compare(a, b).dataset")
@@ -226,7 +227,10 @@ def _compared(dataset: xr.Dataset) -> Designs:
     names = json.loads(dataset.attrs["model"]) if "model" in dataset.attrs else models[0].values
     parameters = [dataset[name] for name in names if name in dataset]
     differing = [(labels.described(pair), pair.values) for pair in parameters if pair.values[0] != pair.values[1]]
-    texts = [[labels.held_text(symbol, values[i], units) for (_, units, symbol), values in differing] for i in range(2)]
+    texts = [
+        [labels.parameter_value_text(symbol, values[i], units) for (_, units, symbol), values in differing]
+        for i in range(2)
+    ]
     return models, [list(_heads(dataset.isel(design=i))) for i in range(2)], texts
 
 
@@ -234,20 +238,18 @@ def _heads(design: xr.Dataset) -> Iterator[str]:
     """Yield what a design does: its motion from rest, and a harder one that other initial conditions lead to."""
     yield f"{design['design'].item()}: {design['motion'].item()} from rest"
     if "worst_share" in design and np.isfinite(share := float(design["worst_share"])):
-        speed = quantity(float(design["worst_velocity"]), "m/s", 4)
-        whence = f"from {labels.percent(share)} of initial conditions"
-        yield f"{whence}: {design['worst_motion'].item()}"
-        yield f"up to {speed}"
+        yield f"from {labels.percent(share)} of initial conditions: {design['worst_motion'].item()}"
+        yield f"up to {quantity(float(design['worst_velocity']), 'm/s', 4)}"
 
 
-def _named(model: Any) -> str:
+def _motion_from_rest(model: Any) -> str:
     """Return the name of the motion that a start from rest settles to."""
     window: dict[str, Any] = {"transient_impacts": SETTLED, "sample_impacts": SAMPLED}
     cell = classify(parameter_map(model, omega=[model.omega], indices=NEEDED[:-1], **window)).isel(omega=0)
     return motion_name(int(refined(cell["motion"], cell["status"])), int(cell["n_periods"]), int(cell["n_impacts"]))
 
 
-def _settled(model: Model) -> State | None:
+def _settled_state(model: Model) -> State | None:
     """Return the state of the settled motion at phase 0; None if it has none. An impact there counts as before it."""
     looks = stroboscopic_section(model, transient_periods=SETTLED, sample_periods=1)
     if not looks.sizes["period"]:

@@ -24,7 +24,7 @@ UNRANKED = ("motion", "n_periods", "n_impacts")
 LEVELS = 2000  # above it, samples of one column in the same 1/LEVELS of the axis are drawn once
 
 
-def check_diagram(argument: str, value: Any) -> tuple[str, str]:
+def check_diagram(value: Any) -> tuple[str, str]:
     """Return the names of a bifurcation diagram's axis and of its sample dimension, or raise `ValueError`."""
     if isinstance(value, xr.Dataset) and "velocity" in value and len(value["velocity"].dims) == 2:
         samples = [str(dim) for dim in value["velocity"].dims if dim in style.SAMPLE_DIMS]
@@ -32,21 +32,21 @@ def check_diagram(argument: str, value: Any) -> tuple[str, str]:
         if len(axes) == 1 and len(samples) == 1 and axes[0] in value.coords:
             return axes[0], samples[0]
     allowed = "a result of bifurcation_diagram (velocity over its axis and impact or period)"
-    raise labels.refused(argument, value, allowed, "pass what vibroimpact.bifurcation_diagram returns")
+    raise labels.refused("diagram", value, allowed, "pass what vibroimpact.bifurcation_diagram returns")
 
 
-def check_sweep(argument: str, value: Any, index: str, n_axes: int) -> tuple[xr.Dataset, xr.DataArray]:
+def check_sweep(value: Any, index: str, n_axes: int) -> tuple[xr.Dataset, xr.DataArray]:
     """Return a parameter map over `n_axes` axes and its `index`, or raise `ValueError` saying what to select.
 
     Of several initial conditions it is the worst value, which the map's `note` says.
     """
     allowed = f"a parameter_map over {('one axis', 'two axes')[n_axes - 1]}"
     if not isinstance(value, xr.Dataset) or "status" not in value or set(value.dims) & set(style.SAMPLE_DIMS):
-        raise labels.refused(argument, value, allowed, "pass what vibroimpact.parameter_map returns")
+        raise labels.refused("sweep", value, allowed, "pass what vibroimpact.parameter_map returns")
     value, field = with_index(value, index)
     axes = [str(dim) for dim in field.dims if dim != "start"]
     if len(axes) == n_axes and "point" not in axes:
-        check_lengths(argument, field)
+        check_lengths("sweep", field)
         return value, field
     firsts = {axis: field[axis][0].item() for axis in axes[n_axes:]}
     words = [f"{axis}={first!r}" if isinstance(first, str) else f"{axis}={first:g}" for axis, first in firsts.items()]
@@ -57,7 +57,7 @@ def check_sweep(argument: str, value: Any, index: str, n_axes: int) -> tuple[xr.
     elif len(axes) < n_axes:
         hint = "draw it with index_curve" if len(axes) == 1 else "sweep more axes"
     count = f"{len(axes)} {'axis' if len(axes) == 1 else 'axes'} ({', '.join(axes)})"
-    raise ValueError(f"`{argument}` must be {allowed}, got {count}; {hint}")
+    raise ValueError(f"`sweep` must be {allowed}, got {count}; {hint}")
 
 
 def check_lengths(argument: str, field: xr.DataArray) -> None:
@@ -86,31 +86,31 @@ def _of_starts(sweep: xr.Dataset, index: str) -> xr.Dataset:
     several, first = counted(sweep.sizes["start"], "initial condition"), sweep.isel(start=0, drop=True)
     starts = json.loads(sweep.attrs.get("arguments", "{}")).get("start")
     at_rest = isinstance(starts, int) or (isinstance(starts, list) and starts[0] is None)
-    whence = "from rest" if at_rest else "from the first initial condition"
+    origin = "from rest" if at_rest else "from the first initial condition"
     if index in UNRANKED:
         names = [name for name in {index, *UNRANKED} if index == "motion" or name == index]
         differs = sum((sweep[name] != first[name]).any("start") for name in names) > 0
-        said = f"another {'motion' if index == 'motion' else 'number'} from other initial conditions"
-        attributes = {"note": f"{whence}, the first of {several}", HATCHED: said, "origin": f" {whence}"}
+        meaning = f"another {'motion' if index == 'motion' else 'number'} from other initial conditions"
+        attributes = {"note": f"{origin}, the first of {several}", HATCHED: meaning, "origin": f" {origin}"}
         return first.assign({HATCHED: differs}).assign_attrs(attributes)
     extreme = np.fmin if index == "grazing_margin" else np.fmax  # of what is no number the other
     worst = sweep[[index]].reduce(extreme.reduce, "start", keep_attrs=True)
     silent = first["status"].isin([Status.NO_IMPACT, Status.STOPPED_IMPACTING, Status.STUCK_FOREVER, Status.DECAYING])
     hits = (sweep["status"] <= Status.SHORT_WINDOW).any("start")
     others = sweep.sizes["start"] - 1
-    said = f"no impact {whence}, impacts from other initial conditions"
+    meaning = f"no impact {origin}, impacts from other initial conditions"
     attributes = {
         "note": f"worst of {several}",
-        HATCHED: said,
-        "origin": f" {whence}, none that last from the other {others}",
+        HATCHED: meaning,
+        "origin": f" {origin}, none that last from the other {others}",
     }
     return worst.assign({"status": first["status"], HATCHED: silent & hits}).assign_attrs(sweep.attrs | attributes)
 
 
 def resolved(sweep: xr.Dataset, field: xr.DataArray) -> Floats:
     """Return the values of an index that decide limits and units: a spread that is only rounding is 0, a count > 0."""
-    values, osc = field.values.astype(float), labels.made(sweep)
-    rounding = ROUNDING * spread_scale(str(field.name), osc.velocity_scale if osc else 1.0)
+    values, model = field.values.astype(float), labels.selected_model(sweep)
+    rounding = ROUNDING * spread_scale(str(field.name), model.velocity_scale if model else 1.0)
     if field.name in COUNTS:
         return np.where(values > 0.0, values, np.nan)
     return np.where(np.abs(values) <= rounding, 0.0, values)
@@ -155,7 +155,7 @@ def mark_empty(ax: Axes, diagram: xr.Dataset, axis: str) -> None:
 
 def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) -> None:
     """Set the limits of the y axis: speeds from zero, a phase from 0 to 1, the rest around what is drawn."""
-    model = labels.made(diagram)
+    model = labels.selected_model(diagram)
     speed = model.velocity_scale if model else 1.0
     if quantity == "phase":
         ax.set_ylim(-0.03, 1.0)
@@ -197,7 +197,7 @@ def bifurcation_diagram(diagram: xr.Dataset, quantity: str | None = None, ax: Ax
     >>> vi.plotting.bifurcation_diagram(diagram).get_ylabel()
     'impact velocity $I$ [m/s]'
     """
-    axis, samples = check_diagram("diagram", diagram)
+    axis, samples = check_diagram(diagram)
     offered = [name for name in ("displacement", "velocity", "phase") if name in diagram]
     chosen = offered[0] if quantity is None else choice("quantity", quantity, offered)
     ax = style.new_axes(ax, (8.0, 4.4), labels.title(diagram))
@@ -261,12 +261,12 @@ def diagram_with_index(
     >>> ax.get_legend().get_texts()[-1].get_text()
     '5 $\\times$ $\\mathrm{Std}$'
     """
-    axis, samples = check_diagram("diagram", diagram)
+    axis, samples = check_diagram(diagram)
     if samples != "impact":
         raise ValueError(
             "`diagram` must hold impacts, got one sample per period; call bifurcation_diagram with section='impact'"
         )
-    sweep, field = check_sweep("sweep", sweep, index, 1)
+    sweep, field = check_sweep(sweep, index, 1)
     if field.dims != (axis,):
         raise ValueError(f"`sweep` must run over {axis}, as `diagram` does, got {field.dims[0]}")
     factor = PAPERS_SCALE if scale is None else real_number("scale", scale)
@@ -326,7 +326,7 @@ def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -
     >>> vi.plotting.index_curve(sweep).get_xlabel()
     'angular driving frequency $\\omega$ [rad/s]'
     """
-    sweep, field = check_sweep("sweep", sweep, index, 1)
+    sweep, field = check_sweep(sweep, index, 1)
     axis = field[field.dims[0]]
     ax = style.new_axes(ax, (8.0, 4.0), labels.title(sweep))
     _draw_index(ax, field, 1.0)

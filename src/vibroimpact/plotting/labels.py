@@ -36,8 +36,8 @@ WORDS = ("stuck", "spread", "margin")  # of the table of indices, which no figur
 
 def math(symbol: str) -> str:
     """Return a symbol of the glossary as mathtext; a name of several letters as plain text."""
-    if of := re.fullmatch(r"([^\W_])_(\w+)('?)", symbol):  # such as g_bar, of a stop
-        letter, name, prime = of.groups()
+    if match := re.fullmatch(r"([^\W_])_(\w+)('?)", symbol):  # such as g_bar, of a stop
+        letter, name, prime = match.groups()
         dot, below = r"\dot " if prime else "", name.replace("_", r"\ ")
         return rf"${dot}{letter}_\mathrm{{{below}}}$"
     if symbol in _MATH or re.fullmatch(r"\w(/\w)?", symbol):
@@ -115,7 +115,7 @@ def value_text(symbol: str, value: float, units: str) -> str:
     return f"{math(symbol)} = {quantity(value, units)}"
 
 
-def held_text(symbol: str, value: float, units: str) -> str:
+def parameter_value_text(symbol: str, value: float, units: str) -> str:
     """Return a parameter and its value, an angular frequency also in Hz."""
     hertz = f" ({quantity(value / (2.0 * np.pi), 'Hz')})" if units == "rad/s" else ""
     return value_text(symbol, value, units) + hertz
@@ -124,7 +124,7 @@ def held_text(symbol: str, value: float, units: str) -> str:
 def parameter_text(name: str, model: Model) -> str:
     """Return a parameter of a model and its value."""
     parameter = model.parameters[name]
-    return held_text(parameter.symbol or name, model.values[name], parameter.unit)
+    return parameter_value_text(parameter.symbol or name, model.values[name], parameter.unit)
 
 
 def percent(share: float) -> str:
@@ -133,15 +133,15 @@ def percent(share: float) -> str:
 
 
 def refused(argument: str, value: Any, allowed: str, hint: str) -> ValueError:
-    """Return the error for a result of another kind, which says what was given."""
+    """Return the error for a value of another kind, which it names."""
     if isinstance(value, xr.Dataset):
-        names, dims = (", ".join(map(str, found)) for found in (value.data_vars, value.dims))
-        kind = f"a result of {value.attrs['function']}" if value.attrs.get("function") else "a Dataset"
-        given = f"{kind} with {names or 'no variable'} over {dims or 'no axis'}"
+        names, dims = (", ".join(map(str, part)) for part in (value.data_vars, value.dims))
+        maker = f"a result of {value.attrs['function']}" if value.attrs.get("function") else "a Dataset"
+        kind = f"{maker} with {names or 'no variable'} over {dims or 'no axis'}"
     else:
         name = type(value).__name__
-        given = f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"
-    return ValueError(f"`{argument}` must be {allowed}, got {given}; {hint}")
+        kind = f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"
+    return ValueError(f"`{argument}` must be {allowed}, got {kind}; {hint}")
 
 
 def _selected(dataset: xr.Dataset) -> dict[str, float]:
@@ -161,7 +161,7 @@ def _family(dataset: xr.Dataset) -> tuple[str, dict[str, float]] | None:
     return str(values.pop("family")), values | {k: v for k, v in _selected(dataset).items() if k in values}
 
 
-def made(dataset: xr.Dataset) -> Any:
+def selected_model(dataset: xr.Dataset) -> Any:
     """Return the oscillator or the system of a result, with the values selected from its axes; None if not recorded.
 
     Of a family it is the one at the family's own values.
@@ -174,34 +174,33 @@ def made(dataset: xr.Dataset) -> Any:
     return model.replace(**{name: value for name, value in _selected(dataset).items() if name in model.parameters})
 
 
-def own_value(dataset: xr.Dataset, name: str) -> float | None:
-    """Return a parameter's own value in the model of a result; None if there is none."""
+def model_value(dataset: xr.Dataset, name: str) -> float | None:
+    """Return a parameter's value in the model of a result; None if there is none."""
     family = _family(dataset)
-    return family[1].get(name) if family else _own(made(dataset), name)
-
-
-def _own(model: Any, name: str) -> float | None:
-    found = getattr(model, "values", {}).get(name, getattr(model, name, None))
-    return None if found is None else float(found)
+    if family:
+        return family[1].get(name)
+    model = selected_model(dataset)
+    value = getattr(model, "values", {}).get(name, getattr(model, name, None))
+    return None if value is None else float(value)
 
 
 def title(dataset: xr.Dataset) -> str:
     """Return the parameters that a result holds fixed, and its note or from where it begins, in one line."""
-    osc, family = made(dataset), _family(dataset)
+    model, family = selected_model(dataset), _family(dataset)
     varied = {str(name) for name, coord in dataset.coords.items() if coord.ndim}
     values: list[str] = []
     if family:
         values = [f"{name} = {value:.5g}" for name, value in family[1].items() if name not in varied]
         values = [family[0], *(values if len(values) <= MOST else ())]
-    elif osc:
-        varied |= {osc.parameters[name].replaces or name for name in varied if name in osc.parameters}
-        values = [parameter_text(name, osc) for name in osc.values if name not in varied]
+    elif model:
+        varied |= {model.parameters[name].replaces or name for name in varied if name in model.parameters}
+        values = [parameter_text(name, model) for name in model.values if name not in varied]
         if len(values) > MOST:
-            values = [*values[: "omega" not in varied], counted(len(osc.stops), "stop")]
-    return ",  ".join(filter(None, [*values, str(dataset.attrs.get("note", _begun(dataset)))]))
+            values = [*values[: "omega" not in varied], counted(len(model.stops), "stop")]
+    return ",  ".join(filter(None, [*values, str(dataset.attrs.get("note", _origin(dataset)))]))
 
 
-def _begun(dataset: xr.Dataset) -> str:
+def _origin(dataset: xr.Dataset) -> str:
     """Return from which initial condition a result was computed, if it says so."""
     start = str(dataset.attrs.get("initial_condition", "")).partition(":")[0]
     direction = json.loads(dataset.attrs.get("arguments", "{}")).get("direction", "fresh")

@@ -63,7 +63,7 @@ def boundary_lines(sweep: xr.Dataset, index: str, level: float) -> list[Floats]:
     >>> [line.shape[1] for line in boundary_lines(sweep, "std", 0.05)][:1]
     [2]
     """
-    x, y, values = grid_of(diagrams.check_sweep("sweep", sweep, index, 2)[1])
+    x, y, values = grid_of(diagrams.check_sweep(sweep, index, 2)[1])
     height = real_number("level", level)
     # A plateau at the very level, such as p/n = 1, would else be crossed wherever its last digits waver.
     values = np.where(np.isclose(values, height, rtol=1e-6, atol=0.0), height + 1e-5 * abs(height), values)
@@ -76,21 +76,21 @@ def _boundary_level(sweep: xr.Dataset, field: xr.DataArray, level: float | None)
     units = labels.described(field)[1]
     if level is not None:
         return (number := real_number("level", level)), quantity(number, units, 3)
-    osc = labels.made(sweep)
-    if field.name != "std" or osc is None:
+    model = labels.selected_model(sweep)
+    if field.name != "std" or model is None:
         return None
-    number = LEVEL_OF_V * osc.velocity_scale
+    number = LEVEL_OF_V * model.velocity_scale
     return number, f"{quantity(number, units, 3)} ({100 * LEVEL_OF_V:.0f} % of the velocity scale)"
 
 
 def _reference_values(
     sweep: xr.Dataset, field: xr.DataArray, reference: Mapping[str, float] | None
 ) -> dict[str, float]:
-    """Return the axis values to mark: those given, else the oscillator's own on the second axis."""
+    """Return the axis values to mark: those of `reference`, else that of the oscillator on the second axis."""
     limits = {str(dim): (float(field[dim].min()), float(field[dim].max())) for dim in field.dims}
     if reference is None:
         axis = str(field.dims[1])
-        usual = labels.own_value(sweep, axis)
+        usual = labels.model_value(sweep, axis)
         return {} if usual is None or not limits[axis][0] <= usual <= limits[axis][1] else {axis: float(usual)}
     chosen = {}
     if not isinstance(reference, Mapping):
@@ -181,7 +181,7 @@ def index_contour(
     >>> vi.plotting.index_contour(sweep, reference={"mass": 1.0}).get_ylabel()
     'mass $m$ [kg]'
     """
-    sweep, field = diagrams.check_sweep("sweep", sweep, index, 2)
+    sweep, field = diagrams.check_sweep(sweep, index, 2)
     boundary = _boundary_level(sweep, field, level)
     marked = _reference_values(sweep, field, reference)
     ax = style.new_axes(ax, (8.4, 5.2) if index in COUNTS else (7.2, 5.4), labels.title(sweep))
@@ -223,7 +223,7 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
     >>> vi.plotting.index_surface(sweep).name
     '3d'
     """
-    sweep, field = diagrams.check_sweep("sweep", sweep, index, 2)
+    sweep, field = diagrams.check_sweep(sweep, index, 2)
     if getattr(ax, "name", "3d") != "3d":
         raise invalid("ax", ax, "three-dimensional axes", "make them with add_subplot(projection='3d')")
     solid: Any = style.new_axes(ax, (7.2, 5.6), labels.title(sweep), projection="3d")
@@ -246,7 +246,7 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
     solid.set_box_aspect((1.2, 1.2, 0.7), zoom=0.95)  # leaves room for the labels outside the box
     solid.view_init(elev=38, azim=-70)
     style.legend_below(solid, entries)
-    if (figure := solid.get_figure(root=True)) in style.OWN:
+    if (figure := solid.get_figure(root=True)) in style.PACKAGE_FIGURES:
         figure.set_layout_engine("none")  # it takes an outer box for the labels that changes with each drawing
         low = 0.08 + style.LEGEND_LINE * style.legend_lines(solid) / figure.get_figheight()
         solid.set_position((0.0, low, 0.76, 0.92 - low))
@@ -281,15 +281,15 @@ def _draw_surface(solid: Any, sweep: xr.Dataset, field: xr.DataArray, colors: Sc
     return entries
 
 
-def check_points(argument: str, value: Any, index: str) -> tuple[xr.Dataset, xr.DataArray, list[xr.DataArray]]:
+def _check_points(value: Any, index: str) -> tuple[xr.Dataset, xr.DataArray, list[xr.DataArray]]:
     """Return a map of scattered designs, its `index` and the parameters that vary, or raise `ValueError`."""
     if not isinstance(value, xr.Dataset) or "status" not in value or "point" not in value["status"].dims:
         hint = "pass what vibroimpact.parameter_map(points=...) returns"
-        raise labels.refused(argument, value, "a parameter_map of scattered designs", hint)
+        raise labels.refused("designs", value, "a parameter_map of scattered designs", hint)
     value, field = diagrams.with_index(value, index)
     varied = [coord for name, coord in value.coords.items() if coord.dims == ("point",) and name != "point"]
     if not varied:
-        raise labels.refused(argument, value, "a parameter_map with the parameters that vary", "keep its coordinates")
+        raise labels.refused("designs", value, "a parameter_map with the parameters that vary", "keep its coordinates")
     return value, field, varied
 
 
@@ -316,13 +316,12 @@ def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = Non
     >>> index_scatter(designs).get_ylabel()
     'coefficient of restitution $r$'
     """
-    designs, field, varied = check_points("designs", designs, index)
-    x, values = varied[0], field.values.astype(float)
-    y = varied[1] if len(varied) > 1 else field
+    designs, field, varied = _check_points(designs, index)
+    x, y = varied[0], varied[1] if len(varied) > 1 else field
+    height, values = y.values, field.values.astype(float)
     finite = np.isfinite(resolved := diagrams.resolved(designs, field))
     numbers = y is not field and index in COUNTS
     ax = style.new_axes(ax, (8.4, 5.2) if numbers else (7.2, 5.4), labels.title(designs))
-    height = (field if y is field else y).values
     if y is field:
         ax.plot(x.values[finite], values[finite], **DOTS, color=BLUE, markersize=4, zorder=3)
         style.mark_missing(ax, x.values, missing_layers(designs, field, "design"))
@@ -330,8 +329,8 @@ def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = Non
         for mask, color, text in number_layers(designs, field):
             ax.scatter(x.values[mask], height[mask], color=color, edgecolors=WALL, s=24, label=text, zorder=3)
     else:
-        how, bar = colour_scale(designs, field)
-        drawn = ax.scatter(x.values[finite], height[finite], c=values[finite], s=22, zorder=3, **how)
+        scale, bar = colour_scale(designs, field)
+        drawn = ax.scatter(x.values[finite], height[finite], c=values[finite], s=22, zorder=3, **scale)
         add_bar(ax, drawn, field, pad=0.02, **bar)
         for mask, color, text in missing_layers(designs, field, "design"):
             ax.scatter(x.values[mask], height[mask], marker="x", color=color, label=text, zorder=2)

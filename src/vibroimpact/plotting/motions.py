@@ -63,23 +63,18 @@ def motion_map(sweep: xr.Dataset, ax: Axes | None = None) -> Axes:
     '66.7 %   period-1 impact-1'
     """
     classes = sweep if isinstance(sweep, xr.Dataset) and "motion" in sweep else classify(sweep)
-    classes, field = diagrams.check_sweep("sweep", classes, "motion", 2)
-    layers = [(mask, color, f"{cells.share_of(mask)}   {text}") for mask, color, text in _layers(classes, field)]
+    classes, field = diagrams.check_sweep(classes, "motion", 2)
+    codes, n, p = (
+        cells.grid_of(classes[name].transpose(*field.dims))[2].astype(int)
+        for name in ("motion", "n_periods", "n_impacts")
+    )
+    layers = [(mask, color, f"{cells.share_of(mask)}   {text}") for mask, color, text in motion_layers(codes, n, p)]
     ax = style.new_axes(ax, (7.8, 5.0), labels.title(classes))
     entries = cells.fill_cells(ax, field, layers, OPEN)
     cells.frame_plane(ax, field)
     style.legend_beside(ax, entries, "share of the cells, and motion")
     style.legend_added(ax, cells.hatch_cells(ax, classes, field))
     return ax
-
-
-def _layers(classes: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
-    """Yield which cells each motion of the legend fills, perhaps none, its colour and its name."""
-    codes, n, p = (
-        cells.grid_of(classes[name].transpose(*field.dims))[2].astype(int)
-        for name in ("motion", "n_periods", "n_impacts")
-    )
-    yield from motion_layers(codes, n, p)
 
 
 @on_axes
@@ -110,7 +105,7 @@ def exponent_map(sweep: xr.Dataset, index: str = "lyapunov", ax: Axes | None = N
     'mass $m$ [kg]'
     """
     choice("index", index, EXPONENTS)
-    sweep, field = diagrams.check_sweep("sweep", sweep, index, 2)
+    sweep, field = diagrams.check_sweep(sweep, index, 2)
     ax = style.new_axes(ax, (7.2, 5.4), labels.title(sweep))
     style.legend_below(ax, cells.draw_cells(ax, sweep, field))
     return ax
@@ -141,11 +136,10 @@ def basin_portrait(dataset: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     'impact velocity $I$ [m/s]'
     """
     field = _attractors(dataset)
-    across, upwards = (str(dim) for dim in field.dims)
     ax = style.new_axes(ax, (7.2, 5.4), _title(dataset))
     entries: list[Any] = list(cells.fill_cells(ax, field, _basins(dataset, field), OPEN))
     cells.frame_plane(ax, field)
-    marks = _mark_attractors(ax, dataset, (across, upwards))
+    marks = _mark_attractors(ax, dataset, [f"point_{dim}" for dim in field.dims])
     entries += [Line2D([], [], **mark, label="the attractors themselves") for mark in marks[:1]]
     style.legend_below(ax, entries)
     return ax
@@ -173,9 +167,9 @@ def _basins(dataset: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
     """Yield which initial conditions each attractor of the legend has, its colour and its name; then the others."""
     numbers, codes = field.values.T, dataset["status"].transpose(*field.dims).values.T
     shares, hardest = dataset["share"].values, dataset["max_velocity"].values
-    units, left, further = labels.described(dataset["max_velocity"])[1], iter(ATTRACTORS), []
+    units, colors, further = labels.described(dataset["max_velocity"])[1], iter(ATTRACTORS), []
     for number, meaning in enumerate(str(field.attrs["flag_meanings"]).split()[1:]):
-        color = QUIET.get(meaning) or next(left, FURTHER)
+        color = QUIET.get(meaning) or next(colors, FURTHER)
         if color == FURTHER:
             further.append(number)
             continue
@@ -191,10 +185,10 @@ def _basins(dataset: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
     yield undecided, OPEN, f"undecided: neither a cycle nor certain chaos ({count})"
 
 
-def _mark_attractors(ax: Axes, dataset: xr.Dataset, axes: tuple[str, str]) -> list[dict[str, Any]]:
+def _mark_attractors(ax: Axes, dataset: xr.Dataset, names: list[str]) -> list[dict[str, Any]]:
     """Mark the points of each attractor that lie in the portrait; return the marks seen there."""
     marks = []
-    for x, y in zip(*(dataset[f"point_{axis}"].values for axis in axes), strict=True):
+    for x, y in zip(*(dataset[name].values for name in names), strict=True):
         if not (points := int(np.isfinite(x).sum())):
             continue
         mark = RING if points <= FEW else DOT

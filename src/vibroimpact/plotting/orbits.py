@@ -48,13 +48,13 @@ def check_result(argument: str, value: Any, maker: str, needed: Mapping[str, Dim
 
 def legend(ax: Axes, dataset: xr.Dataset, *above: Axes) -> None:
     """Draw the legend of axes and those above, which says how a motion ended unless it simply filled its window."""
-    status = ended(dataset)
+    status = status_of(dataset)
     if status is not None and not status.has_indices:
         ax.plot([], [], linestyle="none", label=style.outcome(status))
-    style.legend_below(ax, [handle for each in (*above, ax) for handle in each.get_legend_handles_labels()[0]])
+    style.legend_below(ax, [handle for panel in (*above, ax) for handle in panel.get_legend_handles_labels()[0]])
 
 
-def ended(dataset: xr.Dataset) -> Status | None:
+def status_of(dataset: xr.Dataset) -> Status | None:
     """Return the status of the one motion of a result; None if there are several."""
     return Status(int(dataset["status"])) if "status" in dataset and dataset["status"].ndim == 0 else None
 
@@ -65,8 +65,8 @@ def _broken_orbit(states: tuple[Floats, ...], impacts: tuple[Floats, ...]) -> tu
     `states` are time, y and y' of samples, `impacts` their times, y, and y' before and after. Samples alone would cut
     the corner at each impact with a chord that the mass never follows.
     """
-    (sampled, place, rate), (times, at, before, after_it) = states, impacts
-    jump = np.column_stack([before, np.where(before == after_it, before, np.nan), after_it]).ravel()
+    (sampled, place, rate), (times, at, before, after) = states, impacts
+    jump = np.column_stack([before, np.where(before == after, before, np.nan), after]).ravel()
     free = between_impacts(sampled, times)
     t = np.concatenate([np.repeat(times, 3), sampled[free]])
     y = np.concatenate([np.where(np.isnan(jump), np.nan, np.repeat(at, 3)), place[free]])

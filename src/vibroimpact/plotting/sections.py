@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from vibroimpact.parameters import counted
 from vibroimpact.plotting import labels, style
-from vibroimpact.plotting.orbits import Dims, check_result, draw_sticks, ended, legend
+from vibroimpact.plotting.orbits import Dims, check_result, draw_sticks, legend, status_of
 from vibroimpact.plotting.style import BLUE, DOTS, Floats, on_axes
 from vibroimpact.plotting.views import View, times_of, view_of
 from vibroimpact.plotting.walls import caption_of, color_of
@@ -23,15 +23,14 @@ def distinct_points(points: Floats, tolerance: Floats, wrap: bool = False) -> Fl
 
     With `wrap` the first coordinate is a phase, so that 0 and 1 are the same place.
     """
-    left = points
-    found: list[Floats] = []
-    while len(left) and len(found) < MANY:
-        found.append(left[0])
-        away = np.abs(left - left[0])
+    places: list[Floats] = []
+    while len(points) and len(places) < MANY:
+        places.append(points[0])
+        distance = np.abs(points - points[0])
         if wrap:
-            away[:, 0] = np.minimum(away[:, 0], 1.0 - away[:, 0])
-        left = left[(away > tolerance).any(axis=1)]
-    return None if len(left) else np.array(found).reshape(-1, 2)
+            distance[:, 0] = np.minimum(distance[:, 0], 1.0 - distance[:, 0])
+        points = points[(distance > tolerance).any(axis=1)]
+    return None if len(points) else np.array(places).reshape(-1, 2)
 
 
 def _section(section: xr.Dataset, ax: Axes | None, maker: str, across: str, along: str) -> tuple[Axes, Floats]:
@@ -42,7 +41,7 @@ def _section(section: xr.Dataset, ax: Axes | None, maker: str, across: str, alon
     points = points[np.isfinite(points).all(axis=1)]
     labels.label_axes(ax, section[across], section["velocity"])
     if not len(points):
-        status = ended(section)
+        status = status_of(section)
         text = "no sample" if status is None else labels.wrapped(status.sentence, 45)
         ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color="#555555")
     return ax, points
@@ -175,7 +174,7 @@ def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     if not len(points):
         return ax
     fastest = float(points[:, 1].max())
-    model: Any = labels.made(section)
+    model: Any = labels.selected_model(section)
     tolerance = np.array([1e-6, 1e-6 * fastest])
     if model and "stop" in section:
         for name in (name for name in model.stop_names if (section["stop"] == name).any()):

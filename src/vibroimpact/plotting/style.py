@@ -83,7 +83,7 @@ FACE: dict[bool, dict[str, Any]] = {
 }
 LETTERS = 15.0  # of a legend, per inch of the figure
 LEGEND_LINE = 0.17  # inches per line of a legend
-OWN: WeakSet[Figure] = WeakSet()  # figures that the package made
+PACKAGE_FIGURES: WeakSet[Figure] = WeakSet()  # figures that the package made
 SAMPLE_DIMS = ("impact", "period")
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 8.5, "borderaxespad": 0.0}
 BESIDE = "beside"  # marks a legend that leaves the room below the axes free
@@ -134,7 +134,7 @@ def new_axes(ax: Axes | None, size: tuple[float, float], title: str = "", projec
     load_back_end()
     with mpl.rc_context(STYLE):
         figure = plt.figure(figsize=size, layout="constrained")
-        OWN.add(figure)
+        PACKAGE_FIGURES.add(figure)
         fresh = figure.add_subplot(projection=projection)
         fresh.set_title(broken(title, 9.5 * size[0]), y=1.0 if projection else None)
     return fresh
@@ -241,7 +241,7 @@ def legend_below(ax: Axes, handles: Sequence[Any] | None = None) -> None:
         columnspacing=1.6,
         **LEGEND,
     )
-    if figure in OWN:
+    if figure in PACKAGE_FIGURES:
         width, height = figure.get_size_inches()
         figure.set_size_inches(width, height + LEGEND_LINE * (legend_lines(ax) - before))
 
@@ -302,7 +302,7 @@ def origin(dataset: xr.Dataset) -> str:
     return " from rest" if from_rest else ""
 
 
-def by_status(missing: Mask, codes: NDArray[np.integer[Any]], of_what: str, origin: str = "") -> Iterator[Layer]:
+def by_status(missing: Mask, codes: NDArray[np.integer[Any]], noun: str, origin: str = "") -> Iterator[Layer]:
     """Yield for each status where it leaves something without a value, its colour, and its legend entry."""
     for status in Status:
         mask = missing & (codes == status)
@@ -312,7 +312,7 @@ def by_status(missing: Mask, codes: NDArray[np.integer[Any]], of_what: str, orig
                 Status.STOPPED_IMPACTING: f"impacts cease after a transient{origin.removeprefix(' from rest')}",
             }
             text = words.get(status) or motion_name(int(refined(0, status)))
-            yield mask, STATUS_COLORS.get(status, WALL), text + (f" ({counted(count, of_what)})" if of_what else "")
+            yield mask, STATUS_COLORS.get(status, WALL), text + (f" ({counted(count, noun)})" if noun else "")
 
 
 def mark_missing(ax: Axes, positions: Floats, layers: Iterable[Layer]) -> None:

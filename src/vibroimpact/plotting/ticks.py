@@ -42,8 +42,8 @@ def prefixed(units: str, power: int) -> str | None:
     ('mm/s', 'mg', None)
     """
     base, power = ("g", power + 3) if units == "kg" and power else (units, power)
-    found = PREFIXED.fullmatch(base)
-    if power == 0 or (found and power in PREFIXES and not (units == "kg" and power > 0)):
+    match = PREFIXED.fullmatch(base)
+    if power == 0 or (match and power in PREFIXES and not (units == "kg" and power > 0)):
         return PREFIXES.get(power, "") + base
     return None
 

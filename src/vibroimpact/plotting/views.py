@@ -70,31 +70,32 @@ class View:
     @cached_property
     def walls(self) -> list[Wall]:
         """The stops whose directions are multiples of the form."""
-        found, at = [], int(np.abs(self.form).argmax())
+        walls, largest = [], int(np.abs(self.form).argmax())
         for number, stop in enumerate(self.model.stops):
-            ratio = float(stop.direction[at] / self.form[at])
+            ratio = float(stop.direction[largest] / self.form[largest])
             if ratio and np.abs(stop.direction - ratio * self.form).max() <= PARALLEL * np.abs(stop.direction).max():
-                found.append(Wall(stop, number, ratio))
-        return found
+                walls.append(Wall(stop, number, ratio))
+        return walls
 
     def values(self, time: Floats, coordinates: Any, *, rate: bool = False) -> Floats:
         """Return y, or its rate, from displacements or velocities, one row per time."""
-        found: Floats = np.reshape(coordinates, (-1, len(self.form))) @ self.form
-        return found if self.stop is None else found + self._moved(self.stop, time, rate=rate)
+        y: Floats = np.reshape(coordinates, (-1, len(self.form))) @ self.form
+        return y if self.stop is None else y + self._stop_place(self.stop, time, rate=rate)
 
-    def _moved(self, number: int, time: Floats, *, rate: bool = False) -> Floats:
+    def _stop_place(self, number: int, time: Floats, *, rate: bool = False) -> Floats:
+        """Return where a stop is along its direction, or its velocity."""
         stop, omega = self.model.stops[number], self.model.omega
-        begun, moved = (0.0, stop.speed(omega * time, omega)) if rate else (stop.gap, stop.shift(omega * time))
-        found: Floats = np.full_like(time, begun) + moved
-        return found
+        mean, motion = (0.0, stop.speed(omega * time, omega)) if rate else (stop.gap, stop.shift(omega * time))
+        place: Floats = np.full_like(time, mean) + motion
+        return place
 
     def place(self, wall: Wall, time: Floats, *, rate: bool = False) -> Floats:
         """Return the place of a wall, or its velocity."""
         if wall.number == self.stop:
             return np.zeros_like(time)
-        offset = 0.0 if self.stop is None else self._moved(self.stop, time, rate=rate)
-        found: Floats = offset + self._moved(wall.number, time, rate=rate) / wall.ratio
-        return found
+        offset = 0.0 if self.stop is None else self._stop_place(self.stop, time, rate=rate)
+        place: Floats = offset + self._stop_place(wall.number, time, rate=rate) / wall.ratio
+        return place
 
     def moves(self, wall: Wall) -> bool:
         """Whether a wall moves in this view."""
@@ -123,12 +124,12 @@ class View:
         time, speed = simulation["impact_time"].values, simulation["impact_velocity"].values
         struck = list(self.struck(simulation))
         if sum(at.sum() for _, at in struck) < len(time):
-            found = self._through(simulation, time, self._jumps(simulation))
+            sides = self._through(simulation, time, self._jumps(simulation))
         else:
-            found = np.empty((3, len(time)))
+            sides = np.empty((3, len(time)))
         for wall, at in struck:
-            found[:, at] = self.sides(wall, time[at], speed[at])
-        return found[0], found[1], found[2]
+            sides[:, at] = self.sides(wall, time[at], speed[at])
+        return sides[0], sides[1], sides[2]
 
     def struck(self, simulation: xr.Dataset) -> Iterator[tuple[Wall, Mask]]:
         """Yield each wall that is struck, and at which impacts."""
@@ -140,11 +141,11 @@ class View:
 
     def _jumps(self, simulation: xr.Dataset) -> Floats:
         """Return by how much y' jumps at each impact."""
-        struck, found = simulation["impact_stop"].values, np.zeros(simulation.sizes["impact"])
+        struck, jumps = simulation["impact_stop"].values, np.zeros(simulation.sizes["impact"])
         for stop in (stop for stop in self.model.stops if not stop.compliant):
             at, per_impulse = struck == stop.name, self.form @ np.linalg.solve(self.model.mass, stop.direction)
-            found[at] = -per_impulse * simulation["impulse"].values[at]
-        return found
+            jumps[at] = -per_impulse * simulation["impulse"].values[at]
+        return jumps
 
     def _through(self, simulation: xr.Dataset, at: Floats, jumps: Floats) -> Floats:
         """Return y and its rates before and after each jump, from the samples around it."""
@@ -179,7 +180,7 @@ def view_of(dataset: xr.Dataset, coordinate: int | None, stop: str | None) -> Vi
 
     Unless chosen it is coordinate 0, or, where no stop acts on that alone, the clearance of the first stop.
     """
-    model = labels.made(dataset)
+    model = labels.selected_model(dataset)
     if stop is not None and coordinate is not None:
         raise ValueError("give either `coordinate` or `stop`, not both")
     if model is None:
@@ -229,5 +230,5 @@ def between_impacts(sampled: Floats, times: Floats) -> Mask:
     """
     around = np.concatenate([[-np.inf], times, [np.inf]])
     after = np.searchsorted(times, sampled)
-    found: Mask = np.minimum(sampled - around[after], around[after + 1] - sampled) >= 1e-6 * np.ptp(sampled[:2])
-    return found
+    free: Mask = np.minimum(sampled - around[after], around[after + 1] - sampled) >= 1e-6 * np.ptp(sampled[:2])
+    return free
