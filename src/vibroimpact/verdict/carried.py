@@ -16,8 +16,7 @@ from vibroimpact.motion import MotionClass
 from vibroimpact.verdict.ranges import PLACES, Range
 from vibroimpact.verdict.searches import Search, followed, measured
 
-HALVINGS = 12  # of the step in which the motion changes
-NARROW = 0.5**HALVINGS / PLACES  # of a path
+NARROW = 0.5**12 / PLACES  # of a path: how closely the end of a motion is bisected
 SECTIONS, ROUNDS = 16, 4  # of a step that is searched from one state, and how often
 STATES, APART = 4, 317  # of a motion from which it may go on, and how many impacts lie between two of them
 FURTHER = 300  # impacts after which a motion is carried on from its state
@@ -57,21 +56,9 @@ class Track:
         return self.range.between(self.first, self.end, place**self.crowded) if place < 1.0 else self.end
 
     @property
-    def next(self) -> float:
-        """The place to look at next."""
-        if math.isnan(self.barrier):
-            return min(self.place + self.step, 1.0)
-        return 0.5 * (self.place + self.barrier)
-
-    @property
     def close(self) -> bool:
         """Whether the motion has been followed close to where it is another."""
         return self.barrier - self.place <= NARROW
-
-    @property
-    def ends(self) -> bool:
-        """Whether the motion was seen to become another."""
-        return self.beyond is not None
 
     @property
     def inside(self) -> float:
@@ -99,24 +86,24 @@ class Track:
 
     def cells(self, states: Sequence[tuple[float, Start | None]]) -> Cells:
         """Return the cells that start at places from states."""
-        there = [self.range.changed(self.at(place)) for place, _ in states]
-        return cells_of(there, [start for _, start in states])
+        designs = [self.range.changed(self.at(place)) for place, _ in states]
+        return cells_of(designs, [start for _, start in states])
 
     def still(self, motion: Measured) -> bool:
         """Return whether a motion may be the one that is followed."""
         return motion.motion_class in UNSURE or self.same(motion)
 
 
-def carry(track: Track) -> Search[Track]:
+def carry(track: Track) -> Search[None]:
     """Carry a motion to where it becomes another, or to the end of its path."""
     while not track.done:
         yield from (_look_closely if track.close else _go)(track)
-    return track
 
 
 def _go(track: Track) -> Search[None]:
     """Carry a motion to its next place, and see whether it is still the same."""
-    place = track.next
+    bisecting = not math.isnan(track.barrier)
+    place = 0.5 * (track.place + track.barrier) if bisecting else min(track.place + track.step, 1.0)
     cell = track.cells([(place, track.start)])
     (motion,) = yield measured(cell, BRIEF)
     if not track.still(motion):
@@ -124,7 +111,7 @@ def _go(track: Track) -> Search[None]:
         return
     (state,) = yield followed(cell, FURTHER)
     track.go(place, state)
-    if math.isnan(track.barrier):
+    if not bisecting:
         track.step = min(2.0 * track.step, 1.0 / PLACES)
 
 

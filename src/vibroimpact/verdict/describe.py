@@ -271,7 +271,7 @@ def _describe(
     if not going():
         return False
     branches = Branches()
-    found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"], branches)
+    found["boundaries"] = nearest_boundaries(present, ranges, runner, branches, found["attractors"], going)
     if len(found["boundaries"]) < 2 * len(ranges):
         return False
     found["advice"] = advise(present, found["attractors"], ranges, runner, branches)
