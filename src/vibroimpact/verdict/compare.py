@@ -25,7 +25,7 @@ from vibroimpact.options import Tolerances
 from vibroimpact.parameters import Parameter, invalid, several
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
-from vibroimpact.verdict.changes import advice_words, onset_words
+from vibroimpact.verdict.changes import advice_text, onset_texts
 from vibroimpact.verdict.describe import Verdict, describe
 from vibroimpact.verdict.edges import BOUNDARIES, ONSETS, Edge
 from vibroimpact.verdict.ranges import percent, range_of
@@ -70,9 +70,9 @@ class Comparison:
         for name in INDICES:
             yield _labelled(*VARIABLES[name][:2]), _index(first, name), _index(second, name)
         yield "mean power lost [W]", _number(first.power), _number(second.power)
-        for one, other in zip(first.boundaries, second.boundaries, strict=False):
-            side = "below" if one.direction < 0 else "above"
-            yield f"{one.parameter}, boundary {side}", _boundary(first, one), _boundary(second, other)
+        for edge, other in zip(first.boundaries, second.boundaries, strict=False):
+            side = "below" if edge.direction < 0 else "above"
+            yield f"{edge.parameter}, boundary {side}", _boundary(first, edge), _boundary(second, other)
         yield "coexisting motions", _others(first), _others(second)
 
     def _parameters(self) -> Iterator[tuple[Parameter, tuple[float, float]]]:
@@ -82,13 +82,13 @@ class Comparison:
             models = [verdict.oscillator for verdict in self.verdicts]
         first, second = (model.values for model in models)
         for name in dict.fromkeys([*first, *second]):
-            owner = models[0] if name in first else models[1]
-            yield owner.parameters[name], (first.get(name, math.nan), second.get(name, math.nan))
+            model = models[0] if name in first else models[1]
+            yield model.parameters[name], (first.get(name, math.nan), second.get(name, math.nan))
 
     def _advice(self) -> Iterator[str]:
         for name, verdict in zip(self.names, self.verdicts, strict=True):
             if verdict.advice:
-                yield f"to soften the impacts of {name}: {advice_words(verdict.model, verdict.advice[0])}"
+                yield f"to soften the impacts of {name}: {advice_text(verdict.model, verdict.advice[0])}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return both verdicts as plain dictionaries, ready for JSON."""
@@ -179,12 +179,12 @@ def _index(verdict: Verdict, name: str) -> str:
 def _boundary(verdict: Verdict, edge: Edge) -> str:
     if edge.at_once:
         return f"at once ({edge.what})"
-    others = [f"{what} {onset.value:.5g}" for onset, what in onset_words(edge)]
+    onsets = [f"{what} {onset.value:.5g}" for onset, what in onset_texts(edge)]
     if not edge.found:
         end = "not sought" if edge.not_sought else f"none to {edge.searched_to:.4g}"
-        return f"{end} ({', '.join(others)})" if others else end
+        return f"{end} ({', '.join(onsets)})" if onsets else end
     change = range_of(verdict.model, edge.parameter, 1.0).percent(edge.value)
-    about = ", ".join([f"{'-' if edge.direction < 0 else '+'}{change}", edge.what, *others])
+    about = ", ".join([f"{'-' if edge.direction < 0 else '+'}{change}", edge.what, *onsets])
     return f"{edge.value:.6g} ({about})"
 
 
@@ -254,13 +254,15 @@ def compare(
     varied = None if parameters is None else several("parameters", parameters, "a list of names")
     verdicts = []
     with reporter(progress, "parts") as report:
-        for before, osc in enumerate((a, b)):
+        for at, design in enumerate((a, b)):
 
-            def tally(done: int, total: int, _: Any, before: int = before) -> Any:
-                return report(before * total + done, 2 * total, None)
+            def tally(done: int, total: int, _: Any, at: int = at) -> Any:
+                return report(at * total + done, 2 * total, None)
 
             verdicts.append(
-                describe(osc, parameters=varied, within=within, tolerances=tolerances, workers=workers, progress=tally)
+                describe(
+                    design, parameters=varied, within=within, tolerances=tolerances, workers=workers, progress=tally
+                )
             )
     return Comparison((first, second), (verdicts[0], verdicts[1]))
 

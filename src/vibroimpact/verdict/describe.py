@@ -225,8 +225,8 @@ def describe(
     ('period_doubling', 1.258962235, 'exact')
     """
     check_model(osc)
-    far = check_within(within)
-    ranges = [range_of(osc, name, far) for name in check_parameters(osc, parameters)]
+    reach = check_within(within)
+    ranges = [range_of(osc, name, reach) for name in check_parameters(osc, parameters)]
     runner = Runner("cpu", tolerances, workers)
     parts = len(ranges) + BESIDE
     with reporter(progress, "parts") as report:
@@ -236,10 +236,10 @@ def describe(
             return report(next(done), parts, None) is not False
 
         present = present_motion(osc, runner)
-        found: dict[str, Any] = {}
+        surroundings: dict[str, Any] = {}
         runner.most = runner.steps + dearest(present.oscillator)
         try:
-            complete = _describe(present, ranges, runner, going, found)
+            complete = _look_around(present, ranges, runner, going, surroundings)
         except SpentError:
             complete = False
     return Verdict(
@@ -257,23 +257,23 @@ def describe(
         cells=runner.measured,
         steps=runner.steps,
         stops=present.attractor.stops if present.attractor else (),
-        **found,
+        **surroundings,
     )
 
 
-def _describe(
-    present: Present, ranges: Sequence[Range], runner: Runner, going: Callable[[], bool], found: dict[str, Any]
+def _look_around(
+    present: Present, ranges: Sequence[Range], runner: Runner, going: Callable[[], bool], fields: dict[str, Any]
 ) -> bool:
-    """Find what is around a motion, part by part, while it is `going`; return whether all was found."""
+    """Fill the fields of a verdict on what is around a motion, while it is `going`; return whether all are complete."""
     if not going():
         return False
-    found["attractors"] = coexisting_motions(present, runner)
+    fields["attractors"] = coexisting_motions(present, runner)
     if not going():
         return False
     branches = Branches()
-    found["boundaries"] = nearest_boundaries(present, ranges, runner, branches, found["attractors"], going)
-    if len(found["boundaries"]) < 2 * len(ranges):
+    fields["boundaries"] = nearest_boundaries(present, ranges, runner, branches, fields["attractors"], going)
+    if len(fields["boundaries"]) < 2 * len(ranges):
         return False
-    found["advice"] = advise(present, found["attractors"], ranges, runner, branches)
+    fields["advice"] = advise(present, fields["attractors"], ranges, runner, branches)
     going()
     return True
