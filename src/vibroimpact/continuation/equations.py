@@ -22,7 +22,7 @@ BRANCH, FOLD, DOUBLING, TORUS = "branch", "fold", "period_doubling", "neimark_sa
 TOUCH, LAST_IMPACT = "touch", "last_impact"
 GRAZING = (TOUCH, LAST_IMPACT)
 STEP = 1e-5  # of an unknown's size: differences are then right to about 1e-10, enough for Newton's method
-MOST = 12  # corrections per point
+CORRECTIONS = 12  # per point, at most
 CLOSE = 1e-9  # the correction after which convergence, which is quadratic, is complete
 FAR = 1e3  # a correction as large leads nowhere
 LEAST = 1e-3  # of the orbit's size: what is smaller does not shorten the differences further
@@ -204,7 +204,7 @@ class Equations(ABC):
         """Return the unknown of the branch that a bifurcation lies on."""
         return np.concatenate([x[: self.size], x[self.inner :]])
 
-    def gives_at(self, where: int) -> bool:
+    def compliant_at(self, where: int) -> bool:
         """Whether an impact is a contact of a compliant stop, which ends before anything else happens."""
         return False
 
@@ -278,7 +278,7 @@ class Equations(ABC):
         """Return the solution near x, with row . x = target (its own by default)."""
         x = x.copy()
         aim: Any = row @ x if row is not None and target is None else target
-        for corrections in range(1, MOST + 1):
+        for corrections in range(1, CORRECTIONS + 1):
             if not self.possible(x):
                 break
             try:
