@@ -7,7 +7,7 @@ from collections.abc import Callable, Hashable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -97,15 +97,14 @@ def _covered(branch: Floats, value: float, speed: float) -> bool:
     return bool(((low - slack <= speed) & (speed <= high + slack)).any())
 
 
-def plain(point: Any) -> BifurcationPoint | StickingEnd:
+def plain(point: BifurcationPoint | StickingEnd) -> BifurcationPoint | StickingEnd:
     """Return a graze at velocity 0 as that of the orbit without this impact, which repeats sooner, perhaps.
 
     Of an orbit with one impact nothing is left but the steady motion, which repeats after each driving period: it is
     kept as a period-1 impact-1 orbit of velocity 0.
     """
     if not isinstance(point, BifurcationPoint) or point.kind != "grazing":
-        found: BifurcationPoint | StickingEnd = point
-        return found
+        return point
     if not point.orbit.oscillator.forgets:
         return point if any(point.orbit.velocities) else replace(point, orbit=systems.at_first_contact(point.orbit))
     cycle, z = solution_of(point.orbit)
@@ -116,9 +115,9 @@ def plain(point: Any) -> BifurcationPoint | StickingEnd:
     if not hits.any():
         cycle, z = Cycle(1, 1), np.array([turns[0], 0.0])
     else:
-        cycle = Cycle(cycle.n_periods, int(hits.sum()))
-        z = from_hardest(cycle, np.concatenate([turns[hits], speeds[hits]]))
-        shortest = true_cycle(cycle, z)
-        p = shortest.n_impacts
-        cycle, z = shortest, np.concatenate([z[:p], z[cycle.n_impacts :][:p]])
+        whole = Cycle(cycle.n_periods, int(hits.sum()))
+        z = from_hardest(whole, np.concatenate([turns[hits], speeds[hits]]))
+        cycle = true_cycle(whole, z)
+        p = cycle.n_impacts
+        z = np.concatenate([z[:p], z[whole.n_impacts :][:p]])
     return replace(point, orbit=make_orbit(point.orbit.model, cycle, z))

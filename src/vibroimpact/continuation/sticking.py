@@ -149,8 +149,8 @@ class Sticking:
             sticks |= {-fan: self.sticks(path(-fan)), fan: self.sticks(path(fan))}
             pairs = [(a, b)[::side] for a, b in pairwise(sorted(sticks)) if (sticks[b] - sticks[a]) * side > 0]
             for out, into in sorted(pairs, key=lambda pair: abs(pair[0] + pair[1])):
-                if (found := self.end(path, out, into)) is not None:
-                    return found
+                if (end := self.end(path, out, into)) is not None:
+                    return end
         return None
 
     def joined(self, a: Place, b: Place, side: int) -> bool:
@@ -177,8 +177,8 @@ def sticking_curve(plane: Sticking, longest: float, most: int, side: float) -> I
     while len(way.points) <= most:
         path = _circle(last, step, heading)
         angle = plane.crossing(path, int(side))
-        found = last if angle is None else path(angle)
-        inside = plane.inside(found)  # what an edge cuts off goes on straight: it meets the edge at the same value
+        place = last if angle is None else path(angle)
+        inside = plane.inside(place)  # what an edge cuts off goes on straight: it meets the edge at the same value
         moved = math.dist(inside, last) > EDGE  # a start on the edge is no second point
         if angle is None or not (step <= finest or not moved or plane.joined(last, inside, int(side))):
             if step <= finest:
@@ -187,12 +187,12 @@ def sticking_curve(plane: Sticking, longest: float, most: int, side: float) -> I
             step = max(0.5 * step, finest)
             continue
         if moved:
-            way.points.append(plane.last(found))
-        if inside != found:
+            way.points.append(plane.last(place))
+        if inside != place:
             way.end = "range"
             break
         plane.done += 1
-        last, heading, step = found, heading + angle, min(longest, GROWTH * step)
+        last, heading, step = place, heading + angle, min(longest, GROWTH * step)
         if len(way.points) > 4 and math.dist(last, start) < 0.75 * step and plane.joined(last, start, int(side)):
             way.points.append(way.points[0])
             way.end = "closed"
