@@ -67,17 +67,17 @@ def _located(condition: str, a: Point, b: Point) -> Solution | None:
 
 def _solved(condition: str, x: Floats, a: Point, b: Point) -> Solution | None:
     """Return the bifurcation that Newton's method reaches from x, or None if it does not lie between the points."""
-    where, touch, stop = 0, 0.0, 0
+    impact, touch, stop = 0, 0.0, 0
     if condition in GRAZING:
         closer = a if a.tests[condition] < b.tests[condition] else b
-        where = int(np.argmin(closer.speeds))
+        impact = int(np.argmin(closer.speeds))
         if condition == TOUCH:
             if closer.nearest is None:
                 return None
-            where, stop = closer.nearest.flight, closer.nearest.stop
+            impact, stop = closer.nearest.flight, closer.nearest.stop
             # The touch moves with the orbit: its distance from the start of the flight is kept.
-            touch = closer.nearest.turns + float(x[where] - closer.x[where])
-    bounded, start = a.equations.bounded(condition, x, where, touch, stop)
+            touch = closer.nearest.turns + float(x[impact] - closer.x[impact])
+    bounded, start = a.equations.bounded(condition, x, impact, touch, stop)
     solution, corrections, _ = bounded.newton(start)
     if not corrections or not bounded.fits(solution):
         return None

@@ -55,7 +55,7 @@ class Nearest(NamedTuple):
 class Equations(ABC):
     """Equations of a cycle with free parameters.
 
-    `condition` says which boundary, `where` which flight or impact, `stop` what that flight touches.
+    `condition` says which boundary, `impact` which impact or the flight after which, `stop` what that flight touches.
     """
 
     model: Model
@@ -63,7 +63,7 @@ class Equations(ABC):
     names: tuple[str, ...]
     ranges: tuple[Range, ...]
     condition: str = BRANCH
-    where: int = 0
+    impact: int = 0
     stop: int = 0
 
     @property
@@ -150,7 +150,7 @@ class Equations(ABC):
     def in_order(self, x: Floats) -> bool:
         """Whether the impacts follow one another, and the touch is inside its flight."""
         ends = np.append(x[: self.impacts], x[0] + self.length)
-        begin, end = ends[self.where : self.where + 2]
+        begin, end = ends[self.impact : self.impact + 2]
         inside = self.condition != TOUCH or begin + INSIDE < x[self.inner - 1] < end - INSIDE
         return bool((np.diff(ends) > 0.0).all() and inside)
 
@@ -173,9 +173,9 @@ class Equations(ABC):
 
     def at_graze(self, x: Floats) -> tuple[Equations, Floats]:
         """Return the condition of the graze that an orbit is at, and its unknown."""
-        where = int(np.argmin(self.speeds(x)))
-        if self.speeds(x)[where] <= REST:
-            return self.bounded(LAST_IMPACT, x, where)
+        impact = int(np.argmin(self.speeds(x)))
+        if self.speeds(x)[impact] <= REST:
+            return self.bounded(LAST_IMPACT, x, impact)
         touch = self.touching(x) or Nearest(0, math.nan, math.nan)
         return self.bounded(TOUCH, x, touch.flight, touch.turns, touch.stop)
 
@@ -194,17 +194,17 @@ class Equations(ABC):
         return equations, x, np.append(np.linalg.svd(equations.flights_jacobian(x))[2][-1], 0.0)
 
     def bounded(
-        self, condition: str, x: Floats, where: int = 0, touch: float = 0.0, stop: int = 0
+        self, condition: str, x: Floats, impact: int = 0, touch: float = 0.0, stop: int = 0
     ) -> tuple[Equations, Floats]:
         """Return these equations with a condition more, and the unknown of theirs that x is."""
         start = np.concatenate([x[: self.size], [touch] if condition == TOUCH else [], x[self.size :]])
-        return replace(self, condition=condition, where=where, stop=stop), start
+        return replace(self, condition=condition, impact=impact, stop=stop), start
 
     def on_branch(self, x: Floats) -> Floats:
         """Return the unknown of the branch that a bifurcation lies on."""
         return np.concatenate([x[: self.size], x[self.inner :]])
 
-    def compliant_at(self, where: int) -> bool:
+    def compliant_at(self, impact: int) -> bool:
         """Whether an impact is a contact of a compliant stop, which ends before anything else happens."""
         return False
 
@@ -220,7 +220,7 @@ class Equations(ABC):
     def touch(self, x: Floats) -> float:
         """Return the turns at which the orbit grazes; NaN for other conditions."""
         if self.condition == LAST_IMPACT:
-            return float(x[self.where])
+            return float(x[self.impact])
         return float(x[self.inner - 1]) if self.condition == TOUCH else math.nan
 
     def values(self, x: Floats) -> list[float]:

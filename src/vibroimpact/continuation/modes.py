@@ -167,11 +167,11 @@ class Modes(Equations):
     def _conditions(self, x: Floats) -> Floats:
         cycle, unknown = self.solved(x)
         if self.condition == LAST_IMPACT:
-            return cycle.speeds(unknown)[[self.where]] / self.scale
+            return cycle.speeds(unknown)[[self.impact]] / self.scale
         if self.condition == TOUCH:
-            flow, begin, at = cycle.flow, unknown[self.where], TURN * x[self.inner - 1]
-            event, pushing = cycle.events[self.where], cycle.phases[self.where + 1]
-            after = flow.struck(event.stop, cycle.states(unknown)[self.where], flow.drive(begin))
+            flow, begin, at = cycle.flow, unknown[self.impact], TURN * x[self.inner - 1]
+            event, pushing = cycle.events[self.impact], cycle.phases[self.impact + 1]
+            after = flow.struck(event.stop, cycle.states(unknown)[self.impact], flow.drive(begin))
             touching = flow.fly(after, begin, at, pushing)
             return np.array(flow.touching(self.stop, touching, flow.drive(at), pushing)) / self.scale
         return np.array([_TESTS[self.condition](cycle.multipliers(unknown))])
@@ -185,24 +185,24 @@ class Modes(Equations):
         return nearest[0].imag != 0.0
 
     def bounded(
-        self, condition: str, x: Floats, where: int = 0, touch: float = 0.0, stop: int = 0
+        self, condition: str, x: Floats, impact: int = 0, touch: float = 0.0, stop: int = 0
     ) -> tuple[Equations, Floats]:
         """Return these equations with a condition more; a contact that a compliant stop loses becomes a graze."""
-        event = self.cycle.events[where]
-        if condition != LAST_IMPACT or not self.compliant_at(where):
-            return super().bounded(condition, x, where, touch, stop)
-        events = (*self.cycle.events[:where], Event(event.stop, GRAZE), *self.cycle.events[where + 2 :])
-        x = np.concatenate([x[:where], [0.5 * (x[where] + x[where + 1])], x[where + 2 :]])
-        return replace(self, cycle=replace(self.cycle, events=events), condition=condition, where=where), x
+        event = self.cycle.events[impact]
+        if condition != LAST_IMPACT or not self.compliant_at(impact):
+            return super().bounded(condition, x, impact, touch, stop)
+        events = (*self.cycle.events[:impact], Event(event.stop, GRAZE), *self.cycle.events[impact + 2 :])
+        x = np.concatenate([x[:impact], [0.5 * (x[impact] + x[impact + 1])], x[impact + 2 :]])
+        return replace(self, cycle=replace(self.cycle, events=events), condition=condition, impact=impact), x
 
     def on_branch(self, x: Floats) -> Floats:
         """Return the unknown of the branch that a bifurcation lies on: there a graze is a contact without duration."""
-        x, at = super().on_branch(x), self.where
+        x, at = super().on_branch(x), self.impact
         return np.insert(x, at + 1, x[at]) if self.soft and self.condition == LAST_IMPACT else x
 
-    def compliant_at(self, where: int) -> bool:
+    def compliant_at(self, impact: int) -> bool:
         """Whether an impact is a contact of a compliant stop, which ends before anything else happens."""
-        return self.cycle.events[where + 1 : where + 2] == (Event(self.cycle.events[where].stop, LET_GO),)
+        return self.cycle.events[impact + 1 : impact + 2] == (Event(self.cycle.events[impact].stop, LET_GO),)
 
     @property
     def soft(self) -> bool:
@@ -210,7 +210,7 @@ class Modes(Equations):
         compliant = self.cycle.flow.compliant
         if self.condition == TOUCH:
             return bool(compliant[self.stop])
-        return self.condition == LAST_IMPACT and self.cycle.events[self.where].kind == GRAZE
+        return self.condition == LAST_IMPACT and self.cycle.events[self.impact].kind == GRAZE
 
     def beyond(self, x: Floats, sign: float) -> tuple[Equations, Floats, Floats] | None:
         """Return the equations beyond a graze of a compliant stop, a solution and its tangent; None if there are none.
@@ -219,11 +219,11 @@ class Modes(Equations):
         """
         if not self.soft:
             return None
-        equations = replace(self, condition=BRANCH, where=0, stop=0)
+        equations = replace(self, condition=BRANCH, impact=0, stop=0)
         cycle, unknown = self.solved(x)
         if self.condition == TOUCH:
-            return gaining(equations, cycle, self.where, self.stop, x, sign)
-        less = losing(cycle, unknown, self.where)
+            return gaining(equations, cycle, self.impact, self.stop, x, sign)
+        less = losing(cycle, unknown, self.impact)
         if less is None:
             return None
         equations = replace(equations, cycle=less[0])

@@ -57,7 +57,7 @@ class Solution:
     def admissible(self) -> bool:
         """Whether the orbit can be; the graze that defines a boundary is allowed."""
         at_impact = self.equations.condition == LAST_IMPACT
-        others = np.delete(self.speeds, self.equations.where) if at_impact else self.speeds
+        others = np.delete(self.speeds, self.equations.impact) if at_impact else self.speeds
         return bool((others > 0.0).all() and self.margin >= -ROUNDING and self.parted)
 
     @property

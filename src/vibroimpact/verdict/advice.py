@@ -299,8 +299,11 @@ def _smallest(brackets: Sequence[Bracket], trials: Trials) -> Advice | None:
         motions = trials.test(varied, value)
         benefit, worst = trials.target.benefit(motions), max(motions, key=hit)
         if benefit in bracket.wanted:
-            what = varied.name, value, varied.change(value), varied.of, benefit, worst.name
-            return Advice(*what, worst.hardest, trials.target.hardest, len(motions))
+            hardest, before = worst.hardest, trials.target.hardest
+            change = varied.change(value)
+            return Advice(
+                varied.name, value, change, varied.of, benefit, worst.name, hardest, before, tried=len(motions)
+            )
     return None
 
 
@@ -311,4 +314,4 @@ def _scaled(motions: Sequence[Coexisting], varied: Range) -> Advice | None:
     change, hardest = varied.change(value), value / varied.value * worst.max_velocity
     if hardest > SOFTER * worst.max_velocity:
         return None
-    return Advice(varied.name, value, change, varied.of, "softer", worst.name, hardest, worst.max_velocity, 0)
+    return Advice(varied.name, value, change, varied.of, "softer", worst.name, hardest, worst.max_velocity, tried=0)

@@ -23,7 +23,7 @@ from vibroimpact.status import Status
 from vibroimpact.verdict.branches import Branch, Branches
 from vibroimpact.verdict.carried import SECTIONS, UNSURE, Track, carry
 from vibroimpact.verdict.edges import Edge, Side
-from vibroimpact.verdict.onsets import from_rest, from_some
+from vibroimpact.verdict.onsets import onset_from_rest, onset_from_some
 from vibroimpact.verdict.present import Coexisting, Present, measure
 from vibroimpact.verdict.ranges import CROWDED, Range
 from vibroimpact.verdict.searches import Search, together
@@ -72,14 +72,14 @@ def _with_onsets(present: Present, side: Side, hit_already: bool) -> Search[Side
         return side
     at_present = side.onset(side.range.value)
     if present.measured.motion_class == MotionClass.STUCK_FOREVER:  # at rest at the stop is where it is
-        rest = side.onset(side.value, start=side.start) if math.isfinite(side.value) else None
-        passing = rest
+        from_rest = side.onset(side.value, start=side.start) if math.isfinite(side.value) else None
+        strikes = from_rest
     else:
-        rest = yield from from_rest(side)
-        strikes = present.measured.status != Status.NO_IMPACT
-        passing = at_present if strikes else (yield from from_rest(side, lasting=False))
-    some = at_present if hit_already else (yield from from_some(side, rest))
-    return replace(side, onsets=(passing, rest, some))
+        from_rest = yield from onset_from_rest(side)
+        strikes_already = present.measured.status != Status.NO_IMPACT
+        strikes = at_present if strikes_already else (yield from onset_from_rest(side, lasting=False))
+    from_some = at_present if hit_already else (yield from onset_from_some(side, from_rest))
+    return replace(side, onsets=(strikes, from_rest, from_some))
 
 
 def _with_beyond(sides: Sequence[Side], group: tuple[str, int, int], runner: Runner) -> tuple[Edge, ...]:
@@ -183,7 +183,7 @@ def _closed_form(side: Side, kind: str, margin: Callable[[Any], float]) -> Side:
     def margin_at(value: float) -> float:
         return margin(varied.at(value))
 
-    inside, outside = _first_negative(margin_at, [varied.value, *side.path(SCANNED)])
+    inside, outside = _first_negative(margin_at, [varied.value, *varied.path(side.direction, SCANNED)])
     if math.isnan(outside):
         return side
     narrow = 1e-17 * varied.scale

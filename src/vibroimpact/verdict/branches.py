@@ -20,7 +20,7 @@ from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import Way
 from vibroimpact.orbits.orbit import Impacts
 from vibroimpact.orbits.systems import ended
-from vibroimpact.verdict.present import LONGEST, Coexisting, Present, stable_cycle
+from vibroimpact.verdict.present import MOST_IMPACTS, Coexisting, Present, stable_cycle
 from vibroimpact.verdict.ranges import Range
 
 STEP = 0.01  # of the range, a period, or the speed: the longest step along a branch of one mass near a bifurcation
@@ -41,10 +41,10 @@ def _orbit_of(present: Present, motion: Coexisting, runner: Runner) -> Any:
     if not motion.max_velocity or not 0 < n <= HARDLY_EVER:
         return None
     samples: Any
-    (samples,) = runner.samples(carried(oscillator, motion.start), ImpactWindow(0, LONGEST + 1))
+    (samples,) = runner.samples(carried(oscillator, motion.start), ImpactWindow(0, MOST_IMPACTS + 1))
     turns, speeds = samples.impact_periods + samples.impact_phase, samples.impact_velocity
-    p = int(np.searchsorted(turns, turns[0] + n - WHOLE)) if len(turns) == LONGEST + 1 else LONGEST + 1
-    if p > LONGEST:
+    p = int(np.searchsorted(turns, turns[0] + n - WHOLE)) if len(turns) == MOST_IMPACTS + 1 else MOST_IMPACTS + 1
+    if p > MOST_IMPACTS:
         return None
     if oscillator.forgets:
         return stable_cycle(present.model, n, p, Impacts(samples.impact_phase[:p], speeds[:p]))
@@ -95,8 +95,8 @@ class Branch:
         if not min(low, high) <= value <= max(low, high) or low == high:
             return None
         x = a.x + (value - low) / (high - low) * (b.x - a.x)
-        found, converged, _ = a.equations.newton(x, np.eye(len(x))[-1])
-        return a.equations.orbit(found) if converged else None
+        solution, corrections, _ = a.equations.newton(x, np.eye(len(x))[-1])
+        return a.equations.orbit(solution) if corrections else None
 
 
 class Branches(dict[tuple[int, str, int], Branch]):

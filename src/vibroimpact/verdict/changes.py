@@ -30,8 +30,8 @@ def boundary_lines(verdict: Verdict) -> Iterator[str]:
         return
     for down, up in zip(edges[::2], edges[1::2], strict=True):
         not_sought = down.not_sought or up.not_sought
-        known = any(edge.found or edge.spacing or onset_texts(edge) for edge in (down, up))
-        if known or (not_sought and not carried):
+        to_report = any(edge.found or edge.spacing or onset_texts(edge) for edge in (down, up))
+        if to_report or (not_sought and not carried):
             yield f"{down.parameter}: {edge_text(verdict.model, down)}; {edge_text(verdict.model, up)}"
         elif not_sought:
             yield f"{down.parameter}: not sought, as the motion is not decided"

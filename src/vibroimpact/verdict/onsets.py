@@ -23,7 +23,7 @@ from vibroimpact.verdict.edges import NOISE, Onset, Side
 from vibroimpact.verdict.ranges import CROWDED, PLACES
 from vibroimpact.verdict.searches import Query, Search, followed, measured
 
-SPREAD = 32  # initial conditions at a value, besides the orbits of one impact
+IMPACTS = 32  # initial conditions at a value, besides the orbits of one impact
 ORBITS = 4  # periods of these, at most
 BATCH = 12  # values looked at together
 ROUNDS, PASSING = 2, 3  # times that a step is cut so: close to where impacts begin to last they settle slowly
@@ -43,16 +43,16 @@ def _path(side: Side) -> list[float]:
     return [side.range.between(side.range.value, side.limit, share) for share in (*shares, 1.0 - NARROW)]
 
 
-def from_rest(side: Side, lasting: bool = True) -> Search[Onset | None]:
+def onset_from_rest(side: Side, lasting: bool = True) -> Search[Onset | None]:
     """Return from where on rest leads to lasting impacts; where the motion itself ends, at the latest.
 
     Without `lasting`: from where on it strikes the stop, if only in passing.
     """
     path = _path(side)
-    found = yield from _first(side, path, _at_rest, lasting)
-    if found is None or found[0] == len(path) - 1:
+    first = yield from _first(side, path, _at_rest, lasting)
+    if first is None or first[0] == len(path) - 1:
         return side.onset(side.value, start=side.start) if math.isfinite(side.value) else None
-    place, start = found
+    place, start = first
     before, after = [side.range.value, *path][place : place + 2]
     for _ in range(ROUNDS if lasting else PASSING):
         cuts = side.range.cut(before, after, SECTIONS)
@@ -62,16 +62,16 @@ def from_rest(side: Side, lasting: bool = True) -> Search[Onset | None]:
     return side.onset(0.5 * (before + after), 0.5 * abs(after - before), _widest(side, path[: place + 1]), start)
 
 
-def from_some(side: Side, at_rest: Onset | None) -> Search[Onset | None]:
+def onset_from_some(side: Side, at_rest: Onset | None) -> Search[Onset | None]:
     """Return from where on some initial condition settles to impacts; where one at rest does, at the latest.
 
     The first attractor that hits, or else that from rest, is carried towards the present value.
     """
     most = abs(side.range.change(at_rest.value)) if at_rest else math.inf
     path = [value for value in _path(side) if abs(side.range.change(value)) < most]
-    found = yield from _first(side, path, _spread)
-    if found is not None:
-        origin, start = path[found[0]], found[1]
+    first = yield from _first(side, path, _spread)
+    if first is not None:
+        origin, start = path[first[0]], first[1]
     elif at_rest is None or abs(at_rest.change) <= NOISE:
         return at_rest
     else:
@@ -88,7 +88,7 @@ def from_some(side: Side, at_rest: Onset | None) -> Search[Onset | None]:
     value, half = 0.5 * (track.inside + outside), 0.5 * abs(outside - track.inside)
     if at_rest is not None and abs(value - at_rest.value) <= 2.0 * (half + at_rest.half_width):
         return at_rest
-    return side.onset(value, half, _widest(side, path[: found[0] + 1] if found else path), track.start)
+    return side.onset(value, half, _widest(side, path[: first[0] + 1] if first else path), track.start)
 
 
 def _surely_hits(motion: Measured) -> bool:
@@ -105,7 +105,7 @@ def _spread(model: Model) -> Cells:
     osc = model.at()
     orbits = (z for n in range(1, ORBITS + 1) for z in impact_1_orbits(osc, n)[0])
     starts = [Start(0.0, float(z[1]), float(z[0]) % 1.0) for z in orbits if z[1] > 0.0]
-    return Cells.join([spread_cells(osc.cells({}), SPREAD), *(start.cell(osc) for start in starts)])
+    return Cells.join([spread_cells(osc.cells({}), IMPACTS), *(start.cell(osc) for start in starts)])
 
 
 def _first(

@@ -24,7 +24,7 @@ from vibroimpact.orbits.orbit import Impacts, family_of
 DEAREST = 1 << 29  # certified steps of one mass around a motion: five times those of the dearest of usual designs
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
 ALIKE = 5e-3  # `orbit_distance` from the settled motion within which an orbit or attractor is the same
-LONGEST = 16  # impacts in a cycle that is still solved for
+MOST_IMPACTS = 16  # in a cycle that is still solved for
 EQUAL = 1e-9  # relative: speeds, impulses, shares and sums of lengths that differ by less are equal
 
 
@@ -120,7 +120,7 @@ def _by_states(model: Model, runner: Runner) -> Present:
 
 def stable_cycle(model: Model, n_periods: int, n_impacts: int, impacts: Impacts) -> Orbit | None:
     """Return the stable orbit that a settled motion is on, from its last impacts."""
-    if n_impacts > LONGEST or len(impacts.velocities) < n_impacts:
+    if n_impacts > MOST_IMPACTS or len(impacts.velocities) < n_impacts:
         return None
     last = Impacts(*(column[-n_impacts:] for column in impacts))
     near = float(last.phases[-1]), float(last.velocities[-1])
@@ -201,10 +201,18 @@ def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ..
 
 def _coexisting(attractor: Attractor, name: str) -> Coexisting:
     hits = MotionClass[attractor.kind.upper()].hits
-    velocity, loss = (attractor.max_velocity, attractor.dissipation) if hits else (0.0, 0.0)
-    what = name, attractor.share, velocity, loss, False, attractor.n_periods, attractor.start
-    stop = next(iter(attractor.stops), "")
-    return Coexisting(*what, attractor.transient_impacts, attractor.transient_velocity, stop)
+    return Coexisting(
+        name=name,
+        share=attractor.share,
+        max_velocity=attractor.max_velocity if hits else 0.0,
+        dissipation=attractor.dissipation if hits else 0.0,
+        from_rest=False,
+        n_periods=attractor.n_periods,
+        start=attractor.start,
+        transient_impacts=attractor.transient_impacts,
+        transient_velocity=attractor.transient_velocity,
+        stop=next(iter(attractor.stops), ""),
+    )
 
 
 def _is_present(attractor: Attractor, present: Present) -> bool:

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 MARGIN, WIDTH = 12, 110  # characters: of the titles, and of a line
 PRECISION = 1e-6  # of the motion's size: how well a state is known whose future is predicted
 NEUTRAL = 1e-3  # per period: an exponent so small says nothing of whether perturbations decay
-ADVICE = 3  # changes listed, at most
-LISTED = 4  # impacts of a cycle listed, at most
-SHOWN = 12  # coexisting motions listed, at most
+CHANGES = 3  # changes listed, at most
+IMPACTS = 4  # of a cycle listed, at most
+MOTIONS = 12  # that coexist listed, at most
 HARDER = 1.02  # times the hits of a motion: transients that hit so hard are mentioned
 FIRST = PAPER.transient + PAPER.keep  # impacts that a map computes of a motion
 _TIED = "\u00a0"
@@ -219,7 +219,7 @@ def _on_each_stop(verdict: Verdict, hits: Sequence[tuple[float, float]]) -> Iter
 
 def _cycle_impacts(hits: Sequence[tuple[float, float]]) -> str:
     """Return impacts of a cycle one by one if they are few."""
-    if len(hits) <= LISTED:
+    if len(hits) <= IMPACTS:
         return listed([_at_phase(*hit) for hit in hits])
     hardest, phase = max(hits)
     return f"{min(hits)[0]:.4g} to {speed(hardest)}, hardest at phase {phase:.3g}"
@@ -256,8 +256,8 @@ def _energy(verdict: Verdict) -> Iterator[str]:
 def _rest(verdict: Verdict) -> Iterator[str]:
     share = verdict.indices["stick_fraction"]
     if verdict.kind == "sticking" and math.isfinite(share):
-        which = "a" if len(verdict.oscillator.stops) > 1 else "the"
-        yield f"{100.0 * share:.3g} % of the time at rest at {which} stop"
+        article = "a" if len(verdict.oscillator.stops) > 1 else "the"
+        yield f"{100.0 * share:.3g} % of the time at rest at {article} stop"
 
 
 def _stability(verdict: Verdict) -> Iterator[str]:
@@ -319,7 +319,7 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
     if named and motions:
         yield f"of {sample}:"
         of = ""
-    for motion in motions[:SHOWN]:
+    for motion in motions[:MOTIONS]:
         lasting = " as far as it was watched" * (motion.name in ("chaotic", "quasi-periodic"))
         hit = f", hardest hit {speed(motion.max_velocity)}" if motion.max_velocity > 0.0 else ""
         hit += _on(motion.stop, named) if hit and motion.stop else ""
@@ -327,8 +327,8 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
         share = "stable, but reached from none of them" if rare else f"{100.0 * motion.share:.3g} %{of}"
         this = " (this motion)" if motion.from_rest else ""
         yield f"{share}: {motion.name}{lasting}{this}{hit}{_slow(motion)}"
-    if len(motions) > SHOWN:
-        yield f"and {len(motions) - SHOWN} more"
+    if len(motions) > MOTIONS:
+        yield f"and {len(motions) - MOTIONS} more"
     if motions and undecided:
         yield f"{100.0 * undecided:.3g} %{of}: undecided"
 
@@ -360,7 +360,7 @@ def _advice_lines(verdict: Verdict) -> Iterator[str]:
         varied = "one parameter" if len(names) == len(verdict.model.values) else " or ".join(names) + " alone"
         yield f"no change of {varied} within its range softens the impacts from all initial conditions tried"
     else:
-        smallest = verdict.advice[:ADVICE]
+        smallest = verdict.advice[:CHANGES]
         ends = [advice for advice in verdict.advice if advice.benefit == "no_impact"]
         aims = {
             "to soften the impacts": [advice for advice in smallest if advice not in ends],
