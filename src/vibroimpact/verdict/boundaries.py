@@ -20,7 +20,7 @@ from vibroimpact.coexistence.measuring import AT_REST, Runner, Start, cells_of
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits.sticking import end_of_sticking, periods_from_release
 from vibroimpact.status import Status
-from vibroimpact.verdict.branches import Branch, Branches
+from vibroimpact.verdict.branches import Branches, LazyBranch
 from vibroimpact.verdict.carried import SECTIONS, UNSURE, Track, carry
 from vibroimpact.verdict.edges import Edge, Side
 from vibroimpact.verdict.onsets import onset_from_rest, onset_from_some
@@ -121,7 +121,7 @@ def _start_of(orbit: Any) -> Start:
     return Start(0.0, orbit.velocities[hit], orbit.phases[hit])
 
 
-def _bifurcation(branch: Branch, side: Side) -> Side | None:
+def _bifurcation(branch: LazyBranch, side: Side) -> Side | None:
     """Follow the branch of an orbit until it folds, doubles, grazes or strikes two stops at once."""
     while branch.goes_on():
         for special in branch.way.special if branch.way else []:

@@ -51,7 +51,7 @@ def _orbit_of(present: Present, motion: Coexisting, runner: Runner) -> Any:
     return solved(present.model, n, samples.impact_stop[:p], turns[:p], speeds[:p], ended(oscillator, samples))
 
 
-class Branch:
+class LazyBranch:
     """A branch of an orbit along a parameter in one direction, followed only as far as is needed."""
 
     def __init__(self, orbit: Any, varied: Range, direction: int) -> None:
@@ -99,14 +99,14 @@ class Branch:
         return a.equations.orbit(solution) if corrections else None
 
 
-class Branches(dict[tuple[int, str, int], Branch]):
+class Branches(dict[tuple[int, str, int], LazyBranch]):
     """The branches of orbits along parameters that were needed so far."""
 
-    def of(self, orbit: Any, varied: Range, direction: int) -> Branch:
+    def of(self, orbit: Any, varied: Range, direction: int) -> LazyBranch:
         """Return the branch of an orbit downwards (-1) or upwards (+1) along a parameter."""
         key = id(orbit), varied.name, direction  # the branch keeps the orbit, and so its number
         if key not in self:
-            self[key] = Branch(orbit, varied, direction)
+            self[key] = LazyBranch(orbit, varied, direction)
         return self[key]
 
     def at(self, orbits: Sequence[Any], varied: Range, value: float) -> list[Any]:

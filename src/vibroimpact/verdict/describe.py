@@ -17,7 +17,7 @@ from vibroimpact.verdict.advice import Advice, advise
 from vibroimpact.verdict.boundaries import nearest_boundaries
 from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.edges import Edge
-from vibroimpact.verdict.present import EQUAL, Coexisting, Present, coexisting_motions, dearest, present_motion
+from vibroimpact.verdict.present import EQUAL, Coexisting, Present, coexisting_motions, present_motion, step_limit
 from vibroimpact.verdict.ranges import Range, check_parameters, check_within, range_of
 from vibroimpact.verdict.text import lines
 
@@ -237,7 +237,7 @@ def describe(
 
         present = present_motion(osc, runner)
         surroundings: dict[str, Any] = {}
-        runner.most = runner.steps + dearest(present.oscillator)
+        runner.most = runner.steps + step_limit(present.oscillator)
         try:
             complete = _look_around(present, ranges, runner, going, surroundings)
         except SpentError:

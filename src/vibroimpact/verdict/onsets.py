@@ -20,7 +20,7 @@ from vibroimpact.orbits.equations import impact_1_orbits
 from vibroimpact.status import Status
 from vibroimpact.verdict.carried import BRIEF, LONG, NARROW, SECTIONS, STATES, UNSURE, Track, carry
 from vibroimpact.verdict.edges import NOISE, Onset, Side
-from vibroimpact.verdict.ranges import CROWDED, PLACES
+from vibroimpact.verdict.ranges import PLACES
 from vibroimpact.verdict.searches import Query, Search, followed, measured
 
 IMPACTS = 32  # initial conditions at a value, besides the orbits of one impact
@@ -39,8 +39,8 @@ def _widest(side: Side, path: Sequence[float]) -> float:
 
 def _path(side: Side) -> list[float]:
     """Return values up to where the motion itself ends, or the range, the last of them a hair inside."""
-    shares = [(j / PLACES) ** CROWDED for j in range(1, PLACES)]
-    return [side.range.between(side.range.value, side.limit, share) for share in (*shares, 1.0 - NARROW)]
+    varied = side.range
+    return [*varied.before(side.limit, PLACES), varied.between(varied.value, side.limit, 1.0 - NARROW)]
 
 
 def onset_from_rest(side: Side, lasting: bool = True) -> Search[Onset | None]:

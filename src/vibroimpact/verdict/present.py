@@ -21,16 +21,16 @@ from vibroimpact.motion.recognition import recognise
 from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
 from vibroimpact.orbits.orbit import Impacts, family_of
 
-DEAREST = 1 << 29  # certified steps of one mass around a motion: five times those of the dearest of usual designs
+STEP_LIMIT = 1 << 29  # certified steps of one mass around a motion: five times those of the dearest of usual designs
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
 ALIKE = 5e-3  # `orbit_distance` from the settled motion within which an orbit or attractor is the same
 MOST_IMPACTS = 16  # in a cycle that is still solved for
 EQUAL = 1e-9  # relative: speeds, impulses, shares and sums of lengths that differ by less are equal
 
 
-def dearest(osc: Any) -> int:
+def step_limit(osc: Any) -> int:
     """Return the number of certified steps that a verdict may take."""
-    return DEAREST // int(osc.step_cost)
+    return STEP_LIMIT // int(osc.step_cost)
 
 
 def measure(runner: Runner, cells: Cells, window: ImpactWindow) -> list[Measured]:

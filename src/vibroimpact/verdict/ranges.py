@@ -56,10 +56,11 @@ class Range:
     def path(self, direction: int, number: int) -> list[float]:
         """Return values from beside the present one to the end, close together at first; none without room."""
         end = self.end(direction)
-        if end == self.value:
-            return []
-        shares = [(j / number) ** CROWDED for j in range(1, number + 1)]
-        return [self.between(self.value, end, share) for share in shares[:-1]] + [end]
+        return [*self.before(end, number), end] if end != self.value else []
+
+    def before(self, end: float, number: int) -> list[float]:
+        """Return values on the way from the present one to an end, close together at first, without both."""
+        return [self.between(self.value, end, (j / number) ** CROWDED) for j in range(1, number)]
 
     def between(self, first: float, last: float, share: float) -> float:
         """Return the value a share of the way along: equal ratios where both are positive, else equal differences."""

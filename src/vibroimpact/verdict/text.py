@@ -21,7 +21,7 @@ from vibroimpact.motion import MotionClass, listed
 from vibroimpact.parameters import counted
 from vibroimpact.verdict.advice import INSTANTS
 from vibroimpact.verdict.changes import advice_text, boundary_lines, number, parameters_line, speed
-from vibroimpact.verdict.present import EQUAL, Coexisting, dearest
+from vibroimpact.verdict.present import EQUAL, Coexisting, step_limit
 from vibroimpact.verdict.ranges import percent
 
 if TYPE_CHECKING:
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 MARGIN, WIDTH = 12, 110  # characters: of the titles, and of a line
 PRECISION = 1e-6  # of the motion's size: how well a state is known whose future is predicted
 NEUTRAL = 1e-3  # per period: an exponent so small says nothing of whether perturbations decay
-CHANGES = 3  # changes listed, at most
-IMPACTS = 4  # of a cycle listed, at most
-MOTIONS = 12  # that coexist listed, at most
+CHANGES = 3  # advised, listed at most
+IMPACTS = 4  # of a cycle, listed at most
+MOTIONS = 12  # coexisting, listed at most
 HARDER = 1.02  # times the hits of a motion: transients that hit so hard are mentioned
 FIRST = PAPER.transient + PAPER.keep  # impacts that a map computes of a motion
 _TIED = "\u00a0"
@@ -68,7 +68,7 @@ def _laid_out(parts: Iterable[tuple[str, Iterable[str]]]) -> Iterator[str]:
 
 def _stopped(verdict: Verdict) -> str:
     """Return why a verdict is not complete: what it may cost has a limit, far above what usual designs take."""
-    if verdict.steps < dearest(verdict.oscillator):
+    if verdict.steps < step_limit(verdict.oscillator):
         return "before the end; run it again to complete it"
     return (
         f"before the end, after {verdict.steps:.2g} certified steps: the motions of this design take too many, as its "
@@ -83,8 +83,8 @@ def _wrapped(head: str, line: str) -> Iterator[str]:
         yield part.replace(_TIED, " ")
 
 
-def _needs_no_names(design: Any) -> bool:
-    """Return whether a design is one mass in front of one stop."""
+def _is_one_mass(design: Any) -> bool:
+    """Return whether a design is one mass in front of one stop, whose stop needs no name."""
     return bool(design.coordinates == len(design.stops) == 1)
 
 
@@ -119,7 +119,7 @@ def _why_undecided(verdict: Verdict) -> str:
     design = verdict.oscillator
     if (lasting := lasting_stops(design)).any():
         names = listed([str(stop.name) for stop, lasts in zip(design.stops, lasting, strict=True) if lasts])
-        on = "" if _needs_no_names(design) else f" on {names}"
+        on = "" if _is_one_mass(design) else f" on {names}"
         return f"impacts{on} lose no energy, so that no motion with them attracts others"
     return f"the impacts do not repeat within {verdict.watched}, nor are they surely chaotic"
 
@@ -181,7 +181,7 @@ def _hits(verdict: Verdict) -> Iterator[str]:
         yield _sampled(verdict)
         return
     hits = list(zip(motion.velocities, motion.phases, strict=True))
-    if _needs_no_names(design):
+    if _is_one_mass(design):
         rate = verdict.indices["impacts_per_period"]
         often = "once per period" if rate == 1.0 else f"{rate:.4g} times per period"
         chatter = "hardest " + _at_phase(*hits[0]) + ", followed by a complete chatter"
@@ -189,7 +189,7 @@ def _hits(verdict: Verdict) -> Iterator[str]:
     else:
         yield from _on_each_stop(verdict, hits)
     if verdict.stops and verdict.orbit is not None:
-        yield from _impulses(verdict.orbit, not _needs_no_names(design))
+        yield from _impulses(verdict.orbit, not _is_one_mass(design))
 
 
 def _sampled(verdict: Verdict) -> str:
@@ -274,7 +274,7 @@ def _stability(verdict: Verdict) -> Iterator[str]:
             "predicted"
         )
     elif math.isinf(exponent):
-        rest = "a rest at the stop" if _needs_no_names(design) else "a rest of all coordinates at once"
+        rest = "a rest at the stop" if _is_one_mass(design) else "a rest of all coordinates at once"
         yield f"{rest} erases all memory: perturbations vanish (exponent -inf)"
     elif verdict.kind == "chaotic":
         ahead = -math.log(PRECISION) / exponent / period
@@ -286,7 +286,7 @@ def _stability(verdict: Verdict) -> Iterator[str]:
     elif exponent < 0.0 and (solved or (verdict.kind == "periodic" and design.forgets)):
         half = -math.log(2.0) / exponent
         yield (
-            f"{'' if _needs_no_names(design) else _largest(orbit)}perturbations halve every {number(half, 3)} s, "
+            f"{'' if _is_one_mass(design) else _largest(orbit)}perturbations halve every {number(half, 3)} s, "
             f"{number(half / period, 2)} periods (exponent {exponent:.4g} 1/s)"
         )
     elif abs(exponent) * period < NEUTRAL:
@@ -309,7 +309,7 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
     motions, design = verdict.attractors, verdict.oscillator
     sample, of = f"{SPREAD} spread initial conditions", " of the initial conditions"
     undecided = verdict.undecided
-    if named := not _needs_no_names(design):
+    if named := not _is_one_mass(design):
         sample += f", impacts on {listed(list(design.stop_names))}"
     if len(motions) == 1 and not undecided:
         mixed = not design.forgets and not motions[0].repeats
