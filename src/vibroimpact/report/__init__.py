@@ -14,7 +14,7 @@ from vibroimpact.dataset import bifurcation_name, model_of, unbundle
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
 from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along
 from vibroimpact.motion.recognition import recognise, recurrence
-from vibroimpact.parameters import counted
+from vibroimpact.parameters import counted, hertz
 from vibroimpact.report.quantities import axis_range, initial_condition, quantity, spaced, span
 from vibroimpact.report.sweeps import diagram_sentences, map_sentences
 from vibroimpact.report.systems import each_stop, moving_columns, system_sentence
@@ -261,7 +261,7 @@ def _comparison(dataset: xr.Dataset) -> Iterator[str]:
         units = dataset[name].attrs["units"]
         yield f"  {dataset[name].attrs['long_name']}: {quantity(first, units, 6)} and {quantity(second, units, 6)}"
         if name == "omega":
-            first, second = first / (2.0 * math.pi), second / (2.0 * math.pi)
+            first, second = hertz(first), hertz(second)
             yield f"  driving frequency: {quantity(first, 'Hz', 6)} and {quantity(second, 'Hz', 6)}"
 
 

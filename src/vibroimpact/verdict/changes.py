@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from vibroimpact import report
 from vibroimpact.model import Model
 from vibroimpact.orbits.orbit import value_of
+from vibroimpact.parameters import hertz
 from vibroimpact.verdict.advice import Advice
 from vibroimpact.verdict.carried import LONG
 from vibroimpact.verdict.edges import ONSETS, Edge, Onset
@@ -151,7 +152,7 @@ def quantity(model: Model, name: str, value: float, digits: int) -> str:
     """Return a value of a parameter with its unit; an angular frequency also in Hz."""
     unit = model.parameters[name].unit
     text = report.quantity(value, unit, digits)
-    return f"{text} ({value / (2.0 * math.pi):.{digits}g} Hz)" if unit == "rad/s" else text
+    return f"{text} ({hertz(value):.{digits}g} Hz)" if unit == "rad/s" else text
 
 
 def speed(velocity: float) -> str:

@@ -22,7 +22,7 @@ from vibroimpact.dataset import (
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.model import Model
 from vibroimpact.options import Tolerances
-from vibroimpact.parameters import Parameter, invalid, several
+from vibroimpact.parameters import Parameter, hertz, invalid, several
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
 from vibroimpact.verdict.changes import advice_text, onset_texts
@@ -62,8 +62,8 @@ class Comparison:
             star = " *" if a != b else ""
             yield _labelled(parameter.long_name, parameter.unit) + star, _number(a), _number(b)
             if parameter.unit == "rad/s":
-                hertz = _labelled(parameter.long_name.replace("angular ", ""), "Hz")
-                yield hertz + star, _number(a / (2.0 * math.pi)), _number(b / (2.0 * math.pi))
+                frequency = _labelled(parameter.long_name.replace("angular ", ""), "Hz")
+                yield frequency + star, _number(hertz(a)), _number(hertz(b))
         yield "motion, from rest", first.motion.name, second.motion.name
         yield "hardest hit, from rest [m/s]", _number(first.max_velocity), _number(second.max_velocity)
         yield "hardest hit, from any initial condition [m/s]", _worst(first), _worst(second)
