@@ -15,7 +15,7 @@ from vibroimpact.continuation.boundary import NoBoundary, Plane, boundary_throug
 from vibroimpact.continuation.coverage import CELLS, Coverage, coverage, distances
 from vibroimpact.continuation.equations import Range
 from vibroimpact.continuation.following import UNKNOWN, check_share
-from vibroimpact.continuation.lines import ends_on_line, on_line, plain
+from vibroimpact.continuation.lines import ends_on_line, points_on_line, without_grazing_impacts
 from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary, course, kinds_of
 from vibroimpact.continuation.sticking import MOST
 from vibroimpact.dataset import bifurcation_name
@@ -162,7 +162,7 @@ def boundary_curves(
     with reporter(progress, "lines") as report, suppress(_Stopped):
         for n, along, value in work:
             line = osc.replace(**{names[1 - along]: value}), names[along], box[along], n
-            for point in on_line(*line, longest, look):
+            for point in points_on_line(*line, longest, look):
                 search.add(point)
             for end in ends_on_line(*line, look) if "end_of_sticking" in wanted else ():
                 search.add(end)
@@ -254,7 +254,7 @@ class _Search:
 
     def add(self, point: BifurcationPoint | StickingEnd) -> None:
         """Follow the curve through a point, unless it is not wanted, lies on a followed one or cannot be followed."""
-        point = plain(point)
+        point = without_grazing_impacts(point)
         if point.kind not in self.kinds or self._on_curve(point.kind, [point.orbit] if point.orbit else [])[0]:
             return
         with suppress(NoBoundary):  # two boundaries meet in the point: another line or edge crosses them separately

@@ -30,7 +30,7 @@ SEEDS = 60  # values along a line at which orbits are looked for
 class _Seed(NamedTuple):
     """An orbit with one impact, or one in each half of it: what is struck how, the velocity, and how to make it."""
 
-    how: Hashable
+    struck: Hashable
     velocity: float
     orbit: Callable[[], Orbit]
 
@@ -44,11 +44,11 @@ def _seeds(model: Model, n: int) -> Iterator[_Seed]:
         return
     for struck in systems.cycles_of_one_impact(osc, n):
         for cycle, unknown in systems.of_one_impact(struck)[0]:
-            how, speed = (cycle.stops, cycle.images), float(cycle.velocities(unknown)[0])
-            yield _Seed(how, speed, partial(systems.make_orbit, model, cycle, unknown))
+            stops, speed = (cycle.stops, cycle.images), float(cycle.velocities(unknown)[0])
+            yield _Seed(stops, speed, partial(systems.make_orbit, model, cycle, unknown))
 
 
-def on_line(
+def points_on_line(
     model: Model, parameter: str, range: Range, n: int, longest: float, look: Report
 ) -> Iterator[BifurcationPoint]:
     """Yield the special points of the period-n impact-1 orbits along a line, each branch followed once.
@@ -59,7 +59,7 @@ def on_line(
     for value in np.linspace(*range, SEEDS).tolist():
         look(0, UNKNOWN, None)
         for seed in _seeds(model.replace(**{parameter: value}), n):
-            if any(_covered(rows, value, seed.velocity) for rows in covered[seed.how]):
+            if any(_covered(rows, value, seed.velocity) for rows in covered[seed.struck]):
                 continue
             orbit = seed.orbit()
             if not orbit.admissible:
@@ -67,7 +67,7 @@ def on_line(
             equations, solved = equations_of(orbit, (parameter,), (range,))
             for way in both_ways(partial(walk, equations, equations.pack(solved), longest, False), look):
                 rows = [[p.value, p.equations.velocities(p.x)[0]] for p in way.points]
-                covered[seed.how].append(np.array(rows))
+                covered[seed.struck].append(np.array(rows))
                 yield from (special.bifurcation(parameter) for special in way.special)
 
 
@@ -97,7 +97,7 @@ def _covered(branch: Floats, value: float, speed: float) -> bool:
     return bool(((low - slack <= speed) & (speed <= high + slack)).any())
 
 
-def plain(point: BifurcationPoint | StickingEnd) -> BifurcationPoint | StickingEnd:
+def without_grazing_impacts(point: BifurcationPoint | StickingEnd) -> BifurcationPoint | StickingEnd:
     """Return a graze at velocity 0 as that of the orbit without this impact, which repeats sooner, perhaps.
 
     Of an orbit with one impact nothing is left but the steady motion, which repeats after each driving period: it is

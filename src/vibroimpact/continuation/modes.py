@@ -95,8 +95,8 @@ class Modes(Equations):
 
     def scaled_at(self, unknown: Floats, values: list[float]) -> Floats:
         """Return turns and scaled state of a cycle's unknown at some values of the parameters."""
-        p, turned = self.impacts, self._at(values)[1]
-        return np.concatenate([unknown[:p] / TURN, np.linalg.solve(turned, unknown[p:])])
+        p, transform = self.impacts, self._at(values)[1]
+        return np.concatenate([unknown[:p] / TURN, np.linalg.solve(transform, unknown[p:])])
 
     @cached_property
     def _designs(self) -> Callable[[tuple[float, ...]], tuple[Cycle, Floats]]:
@@ -112,34 +112,34 @@ class Modes(Equations):
 
     def solved(self, x: Floats) -> tuple[Cycle, Floats]:
         """Return the cycle there, and its own unknown."""
-        p, (cycle, turned) = self.impacts, self._at(self.values(x))
-        return cycle, np.concatenate([TURN * x[:p], turned @ x[p : self.size]])
+        p, (cycle, transform) = self.impacts, self._at(self.values(x))
+        return cycle, np.concatenate([TURN * x[:p], transform @ x[p : self.size]])
 
     def possible(self, x: Floats) -> bool:
         """Whether there is such a system of as many coordinates."""
         try:
-            _, turned = self._at(self.values(x))
+            _, transform = self._at(self.values(x))
         except (ValueError, np.linalg.LinAlgError):
             return False
-        return turned.shape == self.basis.shape
+        return transform.shape == self.basis.shape
 
     def flights(self, x: Floats) -> Floats:
         """Return clearances at the impacts and by how much the cycle is open; straight on beyond the ranges."""
-        return self._beyond(x, lambda at: self._linearised(at)[0])
+        return self._extended(x, lambda at: self._linearised(at)[0])
 
     def conditions(self, x: Floats) -> list[float]:
         """Return the conditions that vanish on the boundary alone."""
-        return [] if self.condition == BRANCH else self._beyond(x, self._conditions).tolist()
+        return [] if self.condition == BRANCH else self._extended(x, self._conditions).tolist()
 
-    def _beyond(self, x: Floats, what: Callable[[Floats], Floats]) -> Floats:
+    def _extended(self, x: Floats, function: Callable[[Floats], Floats]) -> Floats:
         """Return the value at the nearest place in the ranges, and on from there along its derivative."""
-        base = what(x)
+        base = function(x)
         extended, values = base, self.values(x)
         for j, (value, edge, (low, high)) in enumerate(zip(values, self.inside(values), self.ranges, strict=True)):
             if value != edge:
                 moved = x.copy()
                 moved[self.inner + j] = 1.0 - NUDGE if value > edge else NUDGE
-                extended = extended + abs(value - edge) / (high - low) * (base - what(moved)) / NUDGE
+                extended = extended + abs(value - edge) / (high - low) * (base - function(moved)) / NUDGE
         return extended
 
     def _linearised(self, x: Floats) -> tuple[Floats, Floats]:
@@ -151,12 +151,12 @@ class Modes(Equations):
         return lru_cache(1)(lambda content: self._linear(np.frombuffer(content)))
 
     def _linear(self, x: Floats) -> tuple[Floats, Floats]:
-        p, (cycle, unknown), turned = self.impacts, self.solved(x), self._at(self.values(x))[1]
+        p, (cycle, unknown), transform = self.impacts, self.solved(x), self._at(self.values(x))[1]
         misses, matrix = cycle.linearised(unknown)
-        matrix = np.hstack([TURN * matrix[:, :p], matrix[:, p:] @ turned])
+        matrix = np.hstack([TURN * matrix[:, :p], matrix[:, p:] @ transform])
         misses[:p] /= self.scale
         matrix[:p] /= self.scale
-        back = np.linalg.solve(turned, np.column_stack([misses[p:], matrix[p:]]))
+        back = np.linalg.solve(transform, np.column_stack([misses[p:], matrix[p:]]))
         misses[p:], matrix[p:] = back[:, 0], back[:, 1:]
         return misses, matrix
 
@@ -223,11 +223,11 @@ class Modes(Equations):
         cycle, unknown = self.solved(x)
         if self.condition == TOUCH:
             return gaining(equations, cycle, self.impact, self.stop, x, sign)
-        less = losing(cycle, unknown, self.impact)
-        if less is None:
+        shorter = losing(cycle, unknown, self.impact)
+        if shorter is None:
             return None
-        equations = replace(equations, cycle=less[0])
-        solution = np.concatenate([equations.scaled_at(less[1], self.values(x)), x[self.inner :]])
+        equations = replace(equations, cycle=shorter[0])
+        solution = np.concatenate([equations.scaled_at(shorter[1], self.values(x)), x[self.inner :]])
         return equations, solution, equations.tangent(solution, sign * np.eye(len(solution))[-1])
 
     def sizes(self, x: Floats) -> Floats:

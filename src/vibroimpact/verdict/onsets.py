@@ -49,14 +49,14 @@ def onset_from_rest(side: Side, lasting: bool = True) -> Search[Onset | None]:
     Without `lasting`: from where on it strikes the stop, if only in passing.
     """
     path = _path(side)
-    first = yield from _first(side, path, _at_rest, lasting)
+    first = yield from _first_hitting(side, path, _at_rest, lasting)
     if first is None or first[0] == len(path) - 1:
         return side.onset(side.value, start=side.start) if math.isfinite(side.value) else None
     place, start = first
     before, after = [side.range.value, *path][place : place + 2]
     for _ in range(ROUNDS if lasting else PASSING):
         cuts = side.range.cut(before, after, SECTIONS)
-        inner = yield from _first(side, cuts[1:-1], _at_rest, lasting)
+        inner = yield from _first_hitting(side, cuts[1:-1], _at_rest, lasting)
         at, start = (len(cuts) - 2, start) if inner is None else inner
         before, after = cuts[at : at + 2]
     return side.onset(0.5 * (before + after), 0.5 * abs(after - before), _widest(side, path[: place + 1]), start)
@@ -69,7 +69,7 @@ def onset_from_some(side: Side, at_rest: Onset | None) -> Search[Onset | None]:
     """
     most = abs(side.range.change(at_rest.value)) if at_rest else math.inf
     path = [value for value in _path(side) if abs(side.range.change(value)) < most]
-    first = yield from _first(side, path, _spread)
+    first = yield from _first_hitting(side, path, _spread)
     if first is not None:
         origin, start = path[first[0]], first[1]
     elif at_rest is None or abs(at_rest.change) <= NOISE:
@@ -108,7 +108,7 @@ def _spread(model: Model) -> Cells:
     return Cells.join([spread_cells(osc.cells({}), IMPACTS), *(start.cell(osc) for start in starts)])
 
 
-def _first(
+def _first_hitting(
     side: Side, path: Sequence[float], initial: Callable[[Model], Cells], lasting: bool = True
 ) -> Search[tuple[int, Start | None] | None]:
     """Return the first place on a path at which a motion hits, and a state of one that lasts; None without one."""
