@@ -13,7 +13,7 @@ from vibroimpact.parameters import hertz
 from vibroimpact.verdict.advice import Advice
 from vibroimpact.verdict.carried import LONG
 from vibroimpact.verdict.edges import ONSETS, Edge, Onset
-from vibroimpact.verdict.ranges import PLACES, percent, range_of
+from vibroimpact.verdict.ranges import PLACES, percent, present_value
 
 if TYPE_CHECKING:
     from vibroimpact.verdict.describe import Verdict
@@ -118,11 +118,11 @@ def _place(model: Model, edge: Edge, at: Edge | Onset, about: list[str]) -> str:
 
 def change_text(model: Model, parameter: str, value: float) -> str:
     """Return the size of a change, of the gap also relative to the gap itself: '3.1 %', or '14 % (4.1 % of f/k)'."""
-    varied = range_of(model, parameter, 1.0)
-    size = varied.percent(value)
-    if varied.of != "f/k" or not varied.value:
+    present = present_value(model, parameter)
+    size = present.percent(value)
+    if present.of != "f/k" or not present.value:
         return size
-    share = abs(value / varied.value - 1.0)
+    share = abs(value / present.value - 1.0)
     return f"{percent(share)} ({size})" if share < MANY_GAPS else size
 
 

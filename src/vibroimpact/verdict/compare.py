@@ -28,7 +28,7 @@ from vibroimpact.status import Status
 from vibroimpact.verdict.changes import advice_text, onset_texts
 from vibroimpact.verdict.describe import Verdict, describe
 from vibroimpact.verdict.edges import BOUNDARIES, ONSETS, Edge
-from vibroimpact.verdict.ranges import percent, range_of
+from vibroimpact.verdict.ranges import percent, present_value
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -183,7 +183,7 @@ def _boundary(verdict: Verdict, edge: Edge) -> str:
     if not edge.found:
         end = "not sought" if edge.not_sought else f"none to {edge.searched_to:.4g}"
         return f"{end} ({', '.join(onsets)})" if onsets else end
-    change = range_of(verdict.model, edge.parameter, 1.0).percent(edge.value)
+    change = present_value(verdict.model, edge.parameter).percent(edge.value)
     about = ", ".join([f"{'-' if edge.direction < 0 else '+'}{change}", edge.what, *onsets])
     return f"{edge.value:.6g} ({about})"
 
