@@ -163,9 +163,9 @@ class Equations(ABC):
 
         Turns and parameters count as they are, and so do velocities and states below 1.
         """
-        counts = np.ones(len(x))
-        counts[self.impacts : self.size] /= max(1.0, float(np.abs(x[self.impacts : self.size]).max()))
-        return counts
+        weights = np.ones(len(x))
+        weights[self.impacts : self.size] /= max(1.0, float(np.abs(x[self.impacts : self.size]).max()))
+        return weights
 
     def touching(self, x: Floats) -> Nearest | None:
         """Return the approach to a stop between impacts that is most nearly a touch."""
@@ -304,6 +304,6 @@ class Equations(ABC):
 
     def tangent(self, x: Floats, along: Floats, jacobian: Floats | None = None) -> Floats:
         """Return the tangent of the curve at x, in the direction of `along`, of weighted length 1."""
-        counts = self.weights(x)
-        direction = np.linalg.svd((self.jacobian(x) if jacobian is None else jacobian) / counts)[2][-1]
-        return np.asarray(direction / counts * (1.0 if direction @ (along * counts) >= 0.0 else -1.0))
+        weights = self.weights(x)
+        direction = np.linalg.svd((self.jacobian(x) if jacobian is None else jacobian) / weights)[2][-1]
+        return np.asarray(direction / weights * (1.0 if direction @ (along * weights) >= 0.0 else -1.0))

@@ -38,12 +38,12 @@ def follow(first: Point, longest: float) -> Iterator[tuple[Point, str]]:
     """
     equations, point, step, away = first.equations, first, longest, False
     while True:
-        counts, ahead = equations.weights(point.x), point.x + step * point.tangent
-        solution, corrections, jacobian = equations.newton(ahead, counts * counts * point.tangent)
+        weights, ahead = equations.weights(point.x), point.x + step * point.tangent
+        solution, corrections, jacobian = equations.newton(ahead, weights * weights * point.tangent)
         following = point.at(solution, jacobian) if corrections else point
-        turned = following.tangent * counts
-        straight = turned @ (point.tangent * counts) / np.linalg.norm(turned)
-        if not corrections or straight < STRAIGHT or np.abs((solution - ahead) * counts).max() > step:
+        direction = following.tangent * weights
+        cosine = direction @ (point.tangent * weights) / np.linalg.norm(direction)
+        if not corrections or cosine < STRAIGHT or np.abs((solution - ahead) * weights).max() > step:
             step *= 0.5
             if step < SHORTEST * longest:
                 yield point, "lost"

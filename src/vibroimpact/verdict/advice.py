@@ -20,8 +20,8 @@ from vibroimpact.cells import Floats
 from vibroimpact.coexistence.final import LATE, irregular, rests
 from vibroimpact.coexistence.measuring import Measured, Runner, carried, orbit_cell, orbit_cells, spread_cells
 from vibroimpact.motion import MotionClass
+from vibroimpact.verdict.brackets import ANY, CANDIDATES, ENDS, Bracket, Line, rounded
 from vibroimpact.verdict.branches import Branches, present_orbits
-from vibroimpact.verdict.lines import ANY, CANDIDATES, ENDS, Bracket, Line, rounded
 from vibroimpact.verdict.present import EQUAL, Coexisting, Present, measure
 from vibroimpact.verdict.ranges import PLACES, Range
 

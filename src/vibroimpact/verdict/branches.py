@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.backends import ImpactWindow
-from vibroimpact.coexistence.measuring import HARDLY_EVER, Runner, carried
+from vibroimpact.coexistence.measuring import Runner, carried
 from vibroimpact.coexistence.systems import solved
 from vibroimpact.continuation.branch import walk
 from vibroimpact.continuation.flights import equations_of
@@ -38,7 +38,7 @@ def present_orbits(present: Present, motions: Sequence[Coexisting], runner: Runn
 def _orbit_of(present: Present, motion: Coexisting, runner: Runner) -> Any:
     """Return the orbit that a coexisting motion is on, solved for from its impacts; None where that is not possible."""
     n, oscillator = motion.n_periods, present.oscillator
-    if not motion.max_velocity or not 0 < n <= HARDLY_EVER:
+    if not (motion.max_velocity and motion.repeats):
         return None
     samples: Any
     (samples,) = runner.samples(carried(oscillator, motion.start), ImpactWindow(0, MOST_IMPACTS + 1))

@@ -19,7 +19,7 @@ from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.edges import Edge
 from vibroimpact.verdict.present import EQUAL, Coexisting, Present, coexisting_motions, present_motion, step_limit
 from vibroimpact.verdict.ranges import Range, check_parameters, check_within, range_of
-from vibroimpact.verdict.text import lines
+from vibroimpact.verdict.text import verdict_lines
 
 BESIDE = 3  # parts of the work besides one per parameter
 
@@ -117,7 +117,7 @@ class Verdict:
         return share if share >= EQUAL else 0.0
 
     def __str__(self) -> str:
-        return "\n".join(lines(self))
+        return "\n".join(verdict_lines(self))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain dictionaries, lists, numbers and text, ready for JSON: NaN as None, infinity as "-inf"."""

@@ -41,7 +41,7 @@ _TIED = "\u00a0"
 Writer = Callable[["Verdict"], Iterator[str]]
 
 
-def lines(verdict: Verdict) -> Iterator[str]:
+def verdict_lines(verdict: Verdict) -> Iterator[str]:
     """Yield the lines of a verdict."""
     writers: dict[str, Writer] = {
         verdict.oscillator.kind: _model,
