@@ -43,7 +43,9 @@ def _orbit_of(present: Present, motion: Coexisting, runner: Runner) -> Any:
     samples: Any
     (samples,) = runner.samples(carried(oscillator, motion.start), ImpactWindow(0, MOST_IMPACTS + 1))
     turns, speeds = samples.impact_periods + samples.impact_phase, samples.impact_velocity
-    p = int(np.searchsorted(turns, turns[0] + n - WHOLE)) if len(turns) == MOST_IMPACTS + 1 else MOST_IMPACTS + 1
+    if len(turns) <= MOST_IMPACTS:
+        return None
+    p = int(np.searchsorted(turns, turns[0] + n - WHOLE))
     if p > MOST_IMPACTS:
         return None
     if oscillator.forgets:
