@@ -117,8 +117,8 @@ def boundary_curves(
     where the steady motion without impacts first touches the stop. Class boundaries that no curve reaches bound chaos
     (a crisis), or motions that cover less than 1 % of the map; or both motions exist on both sides, and the one that is
     reached from rest changes. What covers less than a cell of the map, or is not reached from rest, and crosses none
-    of the lines, is not found. Of symmetric systems orbits with an impact in each half of a cycle are followed from the
-    lines, too; sticking of systems is not followed, nor are, from the map, their motions without impacts. The residual
+    of the lines, is not found. For symmetric systems orbits with an impact in each half of a cycle are also followed
+    from the lines; sticking of systems is not followed, nor are motions without impacts from their maps. The residual
     of each point is below 1e-10 (1e-7 where an end of sticking meets a graze).
     15 to 60 s for a plane of the paper, most of it for ends of sticking; a family's function adds its own time, called
     several times per point.

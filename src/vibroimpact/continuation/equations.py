@@ -48,7 +48,7 @@ class Nearest(NamedTuple):
     turns: float
     margin: float
     stop: int = 0
-    beside: float = math.inf  # the least clearance, likewise, of another stop than the struck one at an impact
+    beside: float = math.inf  # the least clearance of a stop that is not struck at an impact, in the same parts
 
 
 @dataclass(frozen=True, kw_only=True)

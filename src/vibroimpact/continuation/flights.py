@@ -6,8 +6,8 @@ the free parameters as parts of their ranges. The misses of the flights, and on 
     fold: 1 - trace + determinant,   period doubling: 1 + trace + determinant,
     grazing: the velocity of one impact, or gap and rate at the touch.
 
-A free parameter may be any of the model's. Of a family's own parameters the oscillator's numbers are known only as the
-function that makes them: their derivatives are central differences of it.
+A free parameter may be any of the model's. How the oscillator's numbers depend on the parameters of a family is known
+only from its function, so that their derivatives are central differences.
 """
 
 from __future__ import annotations

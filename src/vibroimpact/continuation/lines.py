@@ -53,7 +53,7 @@ def points_on_line(
 ) -> Iterator[BifurcationPoint]:
     """Yield the special points of the period-n impact-1 orbits along a line, each branch followed once.
 
-    Of symmetric systems those of the orbits with an impact in each half of a cycle, too.
+    For symmetric systems also those of the orbits with an impact in each half of a cycle.
     """
     covered: dict[Hashable, list[Floats]] = defaultdict(list)
     for value in np.linspace(*range, SEEDS).tolist():
@@ -98,10 +98,10 @@ def _covered(branch: Floats, value: float, speed: float) -> bool:
 
 
 def without_grazing_impacts(point: BifurcationPoint | StickingEnd) -> BifurcationPoint | StickingEnd:
-    """Return a graze at velocity 0 as that of the orbit without this impact, which repeats sooner, perhaps.
+    """Return a graze at velocity 0 as that of the orbit without this impact, which may repeat sooner.
 
-    Of an orbit with one impact nothing is left but the steady motion, which repeats after each driving period: it is
-    kept as a period-1 impact-1 orbit of velocity 0.
+    An orbit with one impact becomes the steady motion, which repeats after each driving period: it is kept as a
+    period-1 impact-1 orbit of velocity 0.
     """
     if not isinstance(point, BifurcationPoint) or point.kind != "grazing":
         return point

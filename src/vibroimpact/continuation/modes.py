@@ -75,7 +75,7 @@ class Modes(Equations):
 
     @property
     def impacts(self) -> int:
-        """Events of half a cycle that is mirrored, else all; of compliant stops, the ends of contacts, too."""
+        """Events of half a cycle that is mirrored, else all; they include the ends of contacts with compliant stops."""
         return len(self.cycle.events)
 
     @property

@@ -102,8 +102,8 @@ def follow_all(
 
     Notes
     -----
-    An orbit born at a fold is on no branch unless one of its type is given. Of two twins born at a pitchfork one is
-    followed. About a tenth of a second per branch.
+    An orbit born at a fold is on no branch unless one of its type is given. One of the two twins born at a pitchfork
+    is followed. About a tenth of a second per branch.
 
     Examples
     --------

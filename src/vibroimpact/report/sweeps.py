@@ -76,7 +76,7 @@ def hits_of(dataset: xr.Dataset) -> Iterator[str]:
 def _index(field: xr.DataArray, axes: list[str], scale: float) -> str:
     """Return range and largest value of an index, and how often it is infinite; `scale` is that of velocities.
 
-    Of several initial conditions the range is that of the largest value in each cell.
+    For several initial conditions the range is that of the largest value in each cell.
     """
     rounding = ROUNDING * spread_scale(str(field.name), scale)  # the spread of a cycle is nothing else
     field = field.where(~(np.abs(field) <= rounding), 0.0).assign_attrs(field.attrs)

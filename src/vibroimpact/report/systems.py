@@ -54,7 +54,7 @@ def _listed(speed: Any, cycle: Any, names: Any) -> str:
 def each_stop(dataset: xr.Dataset) -> Iterator[str]:
     """Yield a line for each stop of a system's motion that is struck or closed, and how many impacts were several.
 
-    Of compliant stops it holds the largest force, the longest contact and the deepest.
+    For compliant stops it holds the largest force, the longest contact and the deepest.
     """
     simulated = "impact_stop" in dataset
     struck, speed = (dataset[f"impact_{name}" if simulated else name] for name in ("stop", "velocity"))

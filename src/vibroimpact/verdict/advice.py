@@ -87,8 +87,8 @@ class Target:
     def benefit(self, motions: Sequence[Measured]) -> str:
         """Return the benefit of a change after which these are the motions, or nothing.
 
-        Regular motions are not exchanged for chaos, nor chaos for harder hits. Rests that do not repeat are no chaos:
-        rounding may decide when they come.
+        Chaos in place of regular motions is no benefit, nor are harder hits in place of chaos. Rests that do not repeat
+        do not count as chaos: rounding may decide when they come.
         """
         hardest = max(map(hit, motions))
         if hardest == 0.0:

@@ -211,7 +211,7 @@ def describe(
     to, and, of a periodic motion that does not rest at a stop, the nearest fold, period doubling, Neimark-Sacker point,
     pitchfork and graze along each parameter, followed in steps of 2 % of its range or up to 8 % far from them. At a
     graze of a compliant stop the motion gains or loses a contact; it goes on, and smoothly if the stop has no damping.
-    Advice is that of one mass; of one impact are orbits on any stop, and spread impacts are those of `attractors`.
+    Advice is sought as for one mass, with the orbits of one impact on any stop and the spread impacts of `attractors`.
     Seconds per parameter; a minute or two where the motion is chaotic.
 
     Examples

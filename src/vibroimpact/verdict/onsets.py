@@ -38,7 +38,7 @@ def _widest(side: Side, path: Sequence[float]) -> float:
 
 
 def _path(side: Side) -> list[float]:
-    """Return values up to where the motion itself ends, or the range, the last of them a hair inside."""
+    """Return values up to just before the motion itself ends, or the range."""
     varied = side.range
     return [*varied.before(side.limit, PLACES), varied.between(varied.value, side.limit, 1.0 - NARROW)]
 

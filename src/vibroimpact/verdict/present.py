@@ -216,7 +216,7 @@ def _coexisting(attractor: Attractor, name: str) -> Coexisting:
 
 
 def _is_present(attractor: Attractor, present: Present) -> bool:
-    """Whether an attractor is the present motion; of those that stick or do not hit there is one of each kind."""
+    """Whether an attractor is the present motion; there is one at most of each kind that sticks or does not hit."""
     measured, followed = present.measured, present.attractor
     if followed is not None:
         return attractor.kind == followed.kind and alike(attractor, followed)
