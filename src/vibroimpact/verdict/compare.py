@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -250,21 +251,26 @@ def compare(
     >>> str(compare(slow, fast, names=("slow", "fast"), parameters=[])).splitlines()[5].split()
     ['angular', 'driving', 'frequency', '[rad/s]', '*', '1.4', '2']
     """
-    first, second = _two_names(names)
+    pair = _two_names(names)
     varied = None if parameters is None else several("parameters", parameters, "a list of names")
-    verdicts = []
     with reporter(progress, "parts") as report:
-        for at, design in enumerate((a, b)):
 
-            def tally(done: int, total: int, _: Any, at: int = at) -> Any:
-                return report(at * total + done, 2 * total, None)
+        def tally(before: int, done: int, total: int, _: Any) -> Any:
+            """Report the parts of a verdict, so many verdicts `before` it."""
+            return report(before * total + done, 2 * total, None)
 
-            verdicts.append(
-                describe(
-                    design, parameters=varied, within=within, tolerances=tolerances, workers=workers, progress=tally
-                )
+        first, second = (
+            describe(
+                design,
+                parameters=varied,
+                within=within,
+                tolerances=tolerances,
+                workers=workers,
+                progress=partial(tally, before),
             )
-    return Comparison((first, second), (verdicts[0], verdicts[1]))
+            for before, design in enumerate((a, b))
+        )
+    return Comparison(pair, (first, second))
 
 
 def _two_names(names: Any) -> tuple[str, str]:
