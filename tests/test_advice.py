@@ -18,6 +18,7 @@ from vibroimpact.model.oscillator import PARAMETERS
 from vibroimpact.motion import motion_name, refined
 from vibroimpact.verdict import Verdict, describe
 from vibroimpact.verdict.advice import advise
+from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.present import coexisting_motions, present_motion
 from vibroimpact.verdict.ranges import range_of
 
@@ -45,7 +46,7 @@ def without_boundaries(osc, parameter):
         transient=present.final.before.name if present.final.before else "",
         attractors=motions,
         stops=present.attractor.stops if present.attractor else (),
-        advice=advise(present, motions, [range_of(osc, parameter, 3.0)], runner),
+        advice=advise(present, motions, [range_of(osc, parameter, 3.0)], runner, Branches()),
     )
 
 

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 import vibroimpact as vi
 from vibroimpact.continuation import boundary_curves, continue_boundary, continue_orbit
-from vibroimpact.continuation.lines import plain
+from vibroimpact.continuation.lines import without_grazing_impacts
 from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.continuation.sticking import Sticking
 from vibroimpact.dataset import bundle
@@ -149,7 +149,7 @@ def test_a_graze_at_velocity_zero_is_one_of_the_orbit_without_that_impact():
     branch = continue_orbit(stable, "gap", (-0.5, 0.5), virtual=False)
     for point in (point for point in branch.special if point.kind == "grazing"):
         kept = [v for v in point.orbit.velocities if v > 0.0]
-        left = plain(point)
+        left = without_grazing_impacts(point)
         assert isinstance(left, BifurcationPoint)
         assert sorted(left.orbit.velocities) == sorted(kept)
         assert left.orbit.admissible

@@ -13,6 +13,7 @@ from vibroimpact.coexistence.measuring import Runner, cells_of, orbit_cells, spr
 from vibroimpact.motion import MotionClass
 from vibroimpact.verdict import describe
 from vibroimpact.verdict.boundaries import nearest_boundaries
+from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.present import coexisting_motions, present_motion
 from vibroimpact.verdict.ranges import percent, range_of
 
@@ -192,7 +193,7 @@ def lasting(cells, runner):
 def wrong_edges(osc, parameters, runner):
     present = present_motion(osc, runner)
     ranges = [range_of(osc, name, 3.0) for name in parameters]
-    edges = nearest_boundaries(present, ranges, runner, coexisting=coexisting_motions(present, runner))
+    edges = nearest_boundaries(present, ranges, runner, Branches(), coexisting_motions(present, runner))
     if present.measured.kind in ("no_impact", "stuck_forever"):
         return [text for edge in edges for text in quiet_faults(present, edge, runner)], present
     return carry(present, edges, runner), present

@@ -105,7 +105,7 @@ def test_where_none_of_some_stiff_motions_ends_the_others_are_not_tried(monkeypa
 
 
 def test_a_verdict_that_would_take_too_many_steps_ends_early_and_says_why(monkeypatch):
-    monkeypatch.setattr(import_module("vibroimpact.verdict.present"), "DEAREST", 1_000_000)
+    monkeypatch.setattr(import_module("vibroimpact.verdict.present"), "STEP_LIMIT", 1_000_000)
     verdict = vi.describe(vi.ImpactOscillator(omega=2.8), parameters=["gap"])
     assert not verdict.complete
     assert verdict.motion.name == "chaotic"

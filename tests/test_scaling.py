@@ -12,6 +12,7 @@ from vibroimpact.coexistence.measuring import Runner
 from vibroimpact.indices import INDICES as EVERY_INDEX
 from vibroimpact.model.scales import scale_of
 from vibroimpact.verdict.boundaries import nearest_boundaries
+from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.present import present_motion
 from vibroimpact.verdict.ranges import range_of
 
@@ -190,7 +191,7 @@ def test_boundaries_are_the_same_in_metres_and_in_millimetres():
     gap, damping = "stop_1_gap", "stop_1_damping"
     here, there = (
         nearest_boundaries(
-            present_motion(one, Runner()), [range_of(one, name, 3.0) for name in (gap, damping)], Runner()
+            present_motion(one, Runner()), [range_of(one, name, 3.0) for name in (gap, damping)], Runner(), Branches()
         )
         for one in (STEEL, in_units(STEEL, 1e-3, 1e3, 1.0))
     )

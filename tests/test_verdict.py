@@ -21,7 +21,7 @@ from vibroimpact.motion.recognition import recognise
 from vibroimpact.plotting import comparison_figure
 from vibroimpact.verdict import compare, describe
 from vibroimpact.verdict.advice import Advice
-from vibroimpact.verdict.changes import advice_words, edge_words
+from vibroimpact.verdict.changes import advice_text, edge_text
 from vibroimpact.verdict.edges import Edge
 from vibroimpact.verdict.ranges import range_of
 
@@ -265,19 +265,19 @@ def test_what_is_given_in_hertz_is_told_in_hertz_too():
 def test_a_change_of_the_gap_is_told_beside_the_gap_and_beside_the_static_deflection():
     osc = vi.ImpactOscillator(amplitude=2.0, stiffness=2000.0, gap=0.2e-3)  # f/k = 1 mm
     up = Edge("gap", 1, "fold", 0.25e-3, 0.05, "f/k")
-    assert edge_words(osc, up) == "up 25 % (5 % of f/k) to 0.00025 m (fold)"
-    at_zero = edge_words(osc.replace(gap=0.0), Edge("gap", 1, "fold", 0.25e-3, 0.25, "f/k"))
+    assert edge_text(osc, up) == "up 25 % (5 % of f/k) to 0.00025 m (fold)"
+    at_zero = edge_text(osc.replace(gap=0.0), Edge("gap", 1, "fold", 0.25e-3, 0.25, "f/k"))
     assert at_zero == "up 25 % of f/k to 0.00025 m (fold)", "zero has no shares"
     wide = osc.replace(gap=2e-3)
-    assert edge_words(wide, Edge("gap", 1, "fold", 2.5e-3, 0.25, "")) == "up 25 % to 0.0025 m (fold)"
+    assert edge_text(wide, Edge("gap", 1, "fold", 2.5e-3, 0.25, "")) == "up 25 % to 0.0025 m (fold)"
 
 
 def test_advice_that_merely_ends_the_chaos_says_so():
     osc = vi.ImpactOscillator()
     calm = Advice("mass", 1.01, 0.01, "", "no_chaos", "period-10 impact-6", 0.9985, 1.0, 385)
-    assert "period-10 impact-6, no longer chaotic, hardest hit" in advice_words(osc, calm)
+    assert "period-10 impact-6, no longer chaotic, hardest hit" in advice_text(osc, calm)
     softer = Advice("mass", 1.01, 0.01, "", "softer", "period-1 impact-1", 0.5, 1.0, 385)
-    assert "chaotic" not in advice_words(osc, softer)
+    assert "chaotic" not in advice_text(osc, softer)
 
 
 def test_on_a_boundary_no_digits_of_rounding_are_told():
@@ -286,9 +286,9 @@ def test_on_a_boundary_no_digits_of_rounding_are_told():
     assert "up at once (the force first lifts the mass off the stop" in " ".join(str(verdict).split())
     for digits in (1e-15, -3e-13):
         noise = Edge("omega", 1, "grazing", 2.0 * (1.0 + digits), digits, "", beyond="chaotic")
-        assert edge_words(vi.ImpactOscillator(), noise) == "up at once (grazing; chaotic beyond)"
+        assert edge_text(vi.ImpactOscillator(), noise) == "up at once (grazing; chaotic beyond)"
     near = Edge("omega", 1, "grazing", 2.0 * (1.0 + 1e-9), 1e-9, "")
-    assert "at once" not in edge_words(vi.ImpactOscillator(), near)
+    assert "at once" not in edge_text(vi.ImpactOscillator(), near)
 
 
 # Hard cases

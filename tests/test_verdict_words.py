@@ -15,6 +15,7 @@ from vibroimpact.orbits.sticking import periods_from_release
 from vibroimpact.verdict import describe
 from vibroimpact.verdict.advice import advise
 from vibroimpact.verdict.boundaries import _end_of_sticking
+from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.edges import Side
 from vibroimpact.verdict.present import coexisting_motions, present_motion
 from vibroimpact.verdict.ranges import range_of
@@ -70,7 +71,7 @@ def test_advice_without_a_gap_is_measured_by_the_hardest_motion_that_is_reached(
     motions = coexisting_motions(present, runner)
     hardest = max(motion.max_velocity for motion in motions)
     never = replace(motions[0], from_rest=False, share=0.0, max_velocity=10.0 * hardest)
-    (advice,) = advise(present, [*motions, never], [range_of(osc, "amplitude", 3.0)], runner)
+    (advice,) = advise(present, [*motions, never], [range_of(osc, "amplitude", 3.0)], runner, Branches())
     assert advice.before == pytest.approx(hardest, rel=1e-12)
 
 

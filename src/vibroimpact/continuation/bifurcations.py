@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.equations import DOUBLING, FOLD, GRAZING, LAST_IMPACT, TORUS, TOUCH, Equations
+from vibroimpact.continuation.equations import DOUBLING, FOLD, GRAZING, LAST_IMPACT, TORUS, TOUCH
 from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import check_share
 from vibroimpact.continuation.points import Point, Solution
@@ -32,8 +32,8 @@ def between(a: Point, b: Point) -> list[Solution]:
     wanted += [condition for condition in (DOUBLING, TORUS) if condition in changed and not at_impact]
     grazes = [condition for condition in (LAST_IMPACT, TOUCH) if condition in changed][:1]
     wanted += grazes if a.clear != b.clear else []
-    found = [special for condition in wanted if (special := _located(condition, a, b)) is not None]
-    return sorted(found, key=lambda special: float((special.on_branch - a.x) @ (b.x - a.x)))
+    located = [special for condition in wanted if (special := _located(condition, a, b)) is not None]
+    return sorted(located, key=lambda special: float((special.on_branch - a.x) @ (b.x - a.x)))
 
 
 def lost_contact(a: Point, b: Point) -> Solution | None:
@@ -42,7 +42,7 @@ def lost_contact(a: Point, b: Point) -> Solution | None:
     None if impacts get out of order for another reason.
     """
     at = int(np.argmin(b.speeds))
-    if b.speeds[at] >= 0.0 or a.speeds[at] <= 0.0 or not a.equations.gives_at(at):
+    if b.speeds[at] >= 0.0 or a.speeds[at] <= 0.0 or not a.equations.compliant_at(at):
         return None
     return _located(LAST_IMPACT, a, b)
 
@@ -67,24 +67,24 @@ def _located(condition: str, a: Point, b: Point) -> Solution | None:
 
 def _solved(condition: str, x: Floats, a: Point, b: Point) -> Solution | None:
     """Return the bifurcation that Newton's method reaches from x, or None if it does not lie between the points."""
-    where, touch, stop = 0, 0.0, 0
+    impact, touch, stop = 0, 0.0, 0
     if condition in GRAZING:
-        owner = a if a.tests[condition] < b.tests[condition] else b
-        where = int(np.argmin(owner.speeds))
+        closer = a if a.tests[condition] < b.tests[condition] else b
+        impact = int(np.argmin(closer.speeds))
         if condition == TOUCH:
-            if owner.nearest is None:
+            if closer.nearest is None:
                 return None
-            where, stop = owner.nearest.flight, owner.nearest.stop
+            impact, stop = closer.nearest.flight, closer.nearest.stop
             # The touch moves with the orbit: its distance from the start of the flight is kept.
-            touch = owner.nearest.turns + float(x[where] - owner.x[where])
-    bounded, start = a.equations.bounded(condition, x, where, touch, stop)
-    found, corrections, _ = bounded.newton(start)
-    if not corrections or not bounded.fits(found):
+            touch = closer.nearest.turns + float(x[impact] - closer.x[impact])
+    bounded, start = a.equations.bounded(condition, x, impact, touch, stop)
+    solution, corrections, _ = bounded.newton(start)
+    if not corrections or not bounded.fits(solution):
         return None
-    special = Solution(bounded, found)
-    part, chord = special.on_branch, b.x - a.x
-    share = float((part - a.x) @ chord / (chord @ chord))
-    aside = float(np.abs(part - a.x - share * chord).max())
+    special = Solution(bounded, solution)
+    from_a, chord = special.on_branch - a.x, b.x - a.x
+    share = float(from_a @ chord / (chord @ chord))
+    aside = float(np.abs(from_a - share * chord).max())
     return special if -1e-9 <= share <= 1.0 + 1e-9 and aside <= float(np.linalg.norm(chord)) else None
 
 
@@ -141,23 +141,18 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
     ('period-2 impact-2', True)
     """
     if not isinstance(point, BifurcationPoint) or point.kind not in ("period_doubling", "pitchfork"):
-        given = getattr(point, "kind", point)
-        raise invalid("point", given, "a period doubling or a pitchfork", "take one from the `special` of a branch")
+        kind = getattr(point, "kind", point)
+        raise invalid("point", kind, "a period doubling or a pitchfork", "take one from the `special` of a branch")
     size = check_share("amplitude", amplitude)
-    equations, x, direction = _twice(point)
+    width = scale_of(point.orbit.model, point.parameter, point.value).size
+    once, z = equations_of(point.orbit, (point.parameter,), ((point.value - width, point.value + width),))
+    twice, x, apart = once.doubled(z)
     for _ in range(TRIES):
-        start = x + size * direction
-        found, corrections, _ = equations.newton(start, direction)
-        if corrections and np.abs(found - start).max() < 0.5 * size:
-            return Solution(equations, found).orbit
+        start = x + size * apart
+        solution, corrections, _ = twice.newton(start, apart)
+        if corrections and np.abs(solution - start).max() < 0.5 * size:
+            return twice.orbit(solution)
         size *= 0.5
     raise ValueError(
         f"no doubled orbit was found from `point` at {point.parameter} = {point.value:.12g}; try a smaller `amplitude`"
     )
-
-
-def _twice(point: BifurcationPoint) -> tuple[Equations, Floats, Floats]:
-    """Return the doubled equations, the orbit traversed twice, and the direction in which the rounds separate."""
-    value, width = point.value, scale_of(point.orbit.model, point.parameter, point.value).size
-    once, z = equations_of(point.orbit, (point.parameter,), ((value - width, value + width),))
-    return once.doubled(z)

@@ -24,7 +24,6 @@ from vibroimpact.progress import Report, reporter
 HALVINGS = 20  # of the step within which the orbits of a boundary become inadmissible
 WORST = 1e-10  # residual of a point
 NEAR = 1e-6  # of the orbit's size: a bifurcation that misses its condition by more is none
-CONDITIONS = {"pitchfork": DOUBLING}  # of half of a cycle
 
 
 class NoBoundary(ValueError):
@@ -130,13 +129,13 @@ def boundary_through(
         walk = partial(_walk, _beginning(point, plane), longest, virtual)
     back, on = both_ways(walk, report)
     points, ends = [*back.points[:0:-1], *on.points], (back.end, on.end)
-    orbits = [at.orbit for at in points]
+    orbits = [place.orbit for place in points]
     return Boundary(
         kind=points[0].kind,
         parameters=plane.names,
         orbits=orbits,
-        residuals=[at.residual for at in points],
-        touch_phases=[at.touch_phase for at in points],
+        residuals=[place.residual for place in points],
+        touch_phases=[place.touch_phase for place in points],
         outcome=ends,
         message="; ".join([course("curve", orbits, plane.names, ends), *filter(None, (back.why, on.why))]),
         arguments={"ranges": plane.box, "step": longest, "virtual": virtual},
@@ -157,36 +156,39 @@ def check_plane(point: Any, parameters: Any, ranges: Any) -> Plane:
 
 def check_box(model: Model, parameters: Any, ranges: Any, orbit: Orbit | None = None) -> Plane:
     """Return two different parameters of a model and their ranges, which hold an orbit where one is given."""
-    chosen, box = (tuple(given) if isinstance(given, (tuple, list)) else () for given in (parameters, ranges))
-    if len(chosen) != 2:
+    names, box = (tuple(pair) if isinstance(pair, (tuple, list)) else () for pair in (parameters, ranges))
+    if len(names) != 2:
         raise invalid("parameters", parameters, "two names", "give for example ('omega', 'mass')")
-    check_names(model.parameters, chosen)
-    if len({model.parameters[name].replaces or name for name in chosen}) < 2:
+    check_names(model.parameters, names)
+    if len({model.parameters[name].replaces or name for name in names}) < 2:
         raise invalid("parameters", parameters, "two different parameters")
     if len(box) != 2:
         raise invalid("ranges", ranges, "two pairs", "give ((lowest, highest), (lowest, highest))")
-    first, second = (check_range(model, name, span, orbit) for name, span in zip(chosen, box, strict=True))
-    return Plane((chosen[0], chosen[1]), (first, second))
+    first, second = (check_range(model, name, span, orbit) for name, span in zip(names, box, strict=True))
+    return Plane((names[0], names[1]), (first, second))
 
 
 def _beginning(point: BifurcationPoint, plane: Plane) -> Point:
     """Return the point of a boundary at a bifurcation on a branch."""
     once, z = equations_of(point.orbit, *plane)
-    x, condition = once.pack(z), CONDITIONS.get(point.kind, point.kind)
-    equations, x = once.at_graze(x) if condition == "grazing" else once.bounded(condition, x)
+    x = once.pack(z)
+    if point.kind == "grazing":
+        equations, x = once.at_graze(x)
+    else:  # a pitchfork is the period doubling of half of a cycle
+        equations, x = once.bounded(DOUBLING if point.kind == "pitchfork" else point.kind, x)
     if not np.abs(equations.misses(x)).max() <= NEAR:  # nor NaN, where no flight comes near the stop
         what = f"satisfy the condition of a {point.kind.replace('_', ' ')}"
         raise NoBoundary(f"the orbit of `point` does not {what}; take a point from the `special` of a branch")
-    found, corrections, _ = equations.newton(x, equations.tangent(x, np.ones(len(x))))
+    solution, corrections, _ = equations.newton(x, equations.tangent(x, np.ones(len(x))))
     if not corrections:
         raise NoBoundary("Newton's method does not lead from `point` to its boundary; take another point")
-    return Point(equations, found, equations.tangent(found, np.ones(len(found))))
+    return Point(equations, solution, equations.tangent(solution, np.ones(len(solution))))
 
 
 def _walk(first: Point, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
     """Yield, point by point, one direction of a boundary as far as it has been followed."""
     last = replace(first, tangent=direction * first.tangent)
-    equations, way, possible = last.equations, Way([last]), last.admissible
+    equations, way, begins_admissible = last.equations, Way([last]), last.admissible
     for number, (point, end) in enumerate(follow(last, longest)):
         if end == "lost" or point.residual > WORST:
             point, end = last, "lost"
@@ -194,8 +196,11 @@ def _walk(first: Point, longest: float, virtual: bool, direction: float) -> Iter
             point, end = last, "impacts_merge"
         elif not equations.fits(point.x):
             point, end = last, "resonance"
-        elif possible and not virtual and not point.admissible:
-            point, end = last.furthest(point, HALVINGS, _admissible), "inadmissible"
+        elif begins_admissible and not virtual and not point.admissible:
+            point, end = (
+                last.furthest(point, HALVINGS, lambda at: at.admissible and at.residual <= WORST),
+                "inadmissible",
+            )
         if np.abs(point.x - last.x).max() > EDGE:  # nor a start on the edge of the ranges again
             way.points.append(point)
         way.end = end or "budget"
@@ -203,8 +208,3 @@ def _walk(first: Point, longest: float, virtual: bool, direction: float) -> Iter
         if end or number > MOST_POINTS:
             return
         last = point
-
-
-def _admissible(point: Point) -> bool:
-    """Whether a point is on the boundary, and its orbit can be."""
-    return point.admissible and point.residual <= WORST

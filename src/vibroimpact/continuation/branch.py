@@ -140,9 +140,9 @@ def continue_orbit(
     special = [special.bifurcation(parameter) for special in down.special[::-1] + up.special]
     orbits = [p.orbit for p in down.points[:0:-1] + up.points]
     message = course("branch", orbits, (parameter,), (down.end, up.end))
-    hidden = sum(not orbit.admissible for orbit in orbits)
-    if hidden:
-        message += f"; {hidden} of {len(orbits)} orbits are inadmissible (they penetrate the stop)"
+    inadmissible = sum(not orbit.admissible for orbit in orbits)
+    if inadmissible:
+        message += f"; {inadmissible} of {len(orbits)} orbits are inadmissible (they penetrate the stop)"
     return Branch(
         parameter=parameter,
         orbits=orbits,
@@ -194,9 +194,9 @@ def _resting(orbit: Any, parameter: str, ends: Range, longest: float, direction:
 
 def _corrected(equations: Equations, x: Floats) -> Floats:
     """Return the orbit corrected at its own parameter, or refuse one that does not solve its equations."""
-    found, corrections, _ = equations.newton(x, np.eye(len(x))[-1])
-    if corrections and np.abs(found - x).max() < 1e-3:
-        return found
+    solution, corrections, _ = equations.newton(x, np.eye(len(x))[-1])
+    if corrections and np.abs(solution - x).max() < 1e-3:
+        return solution
     if np.abs(equations.misses(x)).max() < 1e-9:
         return x  # at a fold: solved, though the parameter does not fix it
     raise ValueError("`orbit` does not return to itself; give a periodic orbit that find_orbit returned")
@@ -259,8 +259,7 @@ def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Gen
             if special.equations.soft:
                 way.end = "grazing"
                 return special
-            part = special.on_branch
-            way.points.append(before.at(part))
+            way.points.append(before.at(special.on_branch))
             if special.kind == "grazing" and before.clear and not virtual:
                 way.end = "grazing"
                 return None
@@ -302,5 +301,5 @@ def _halved(a: Point, b: Point) -> Solution | None:
         return None
     share = 1.0 / (1.0 + float(np.linalg.norm(after) / np.linalg.norm(before)))
     half, start = a.equations.half(a.x + share * (b.x - a.x))
-    found, corrections, _ = half.newton(start)
-    return Solution(half, found) if corrections else None
+    solution, corrections, _ = half.newton(start)
+    return Solution(half, solution) if corrections else None

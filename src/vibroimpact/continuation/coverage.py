@@ -44,7 +44,7 @@ Cell = tuple[int, int]
 Name = tuple[int, int, int]  # MotionClass, n_periods, n_impacts
 
 
-class Edge(NamedTuple):
+class CellEdge(NamedTuple):
     """An edge between two cells of different motions, side by side along one parameter (0 or 1)."""
 
     along: int
@@ -66,7 +66,7 @@ class Coverage:
     ----------
     motions : xarray.Dataset
         What `classify` makes of the map.
-    edges : list of Edge
+    edges : list of CellEdge
         Its class boundaries.
     reached : array of bool
         Whether each lies within 1.5 cells of a curve.
@@ -80,7 +80,7 @@ class Coverage:
     plane: Plane
     motions: xr.Dataset
     names: dict[Cell, Name]
-    edges: list[Edge]
+    edges: list[CellEdge]
     reached: np.ndarray[tuple[int], np.dtype[np.bool_]]
     lasting: set[int] = field(default_factory=set)
     followed: list[Name] = field(init=False)
@@ -94,22 +94,24 @@ class Coverage:
         """Return the sentences on the curves, the share of the class boundaries that they reach, and the other ones."""
         names = listed([motion_name(*name) for name in self.followed]) or "no motion"
         piece = " (of sticking, in one piece)" if any(name[0] == MotionClass.STICKING for name in self.followed) else ""
-        map = f"a map of {CELLS} x {CELLS} cells, from rest"
-        sentences = [f"followed {names}: what covers more than {100 * LEAST:g} %{piece} of {map}"]
+        map_text = f"a map of {CELLS} x {CELLS} cells, from rest"
+        sentences = [f"followed {names}: what covers more than {100 * LEAST:g} %{piece} of {map_text}"]
         unseen = "islands smaller than a cell are not seen"
         if not self.edges:
             return [*sentences, f"that map has no class boundary, {unseen}"]
         near = f"lie within {NEAR:g} cells of a curve"
         sentences.append(f"{100 * self.share:.0f} % of that map's {len(self.edges)} class boundaries {near}, {unseen}")
-        left = [i for i in range(len(self.edges)) if not self.reached[i]]
-        if finished and left:
-            lasting = [i for i in left if i in self.lasting]
-            lost = [i for i in left if i not in self.lasting and not self._wanted.isdisjoint(self.edges[i][1:])]
-            across, at = (100 * len(part) / len(self.edges) for part in (lasting, lost))
-            beside = f"across {across:.0f} % a stable motion goes on beside the one reached from rest"
-            ends = f"at {at:.0f} % no curve could be followed" if lost else ""
-            rest = "the others are of chaos and of motions that were not followed"
-            sentences.append(", ".join(filter(None, [beside, ends, rest])))
+        unreached = np.flatnonzero(~self.reached).tolist()
+        if finished and unreached:
+            lasting = [i for i in unreached if i in self.lasting]
+            lost = [
+                i for i in unreached if i not in self.lasting and not self._followed_cells.isdisjoint(self.edges[i][1:])
+            ]
+            lasting_share, lost_share = (100 * len(part) / len(self.edges) for part in (lasting, lost))
+            beside = f"across {lasting_share:.0f} % a stable motion goes on beside the one reached from rest"
+            ends = f"at {lost_share:.0f} % no curve could be followed" if lost else ""
+            others = "the others are of chaos and of motions that were not followed"
+            sentences.append(", ".join(filter(None, [beside, ends, others])))
         return sentences
 
     def model_at(self, cell: Cell) -> Model:
@@ -130,15 +132,15 @@ class Coverage:
         """Yield the bifurcations at which the followed motions on the sides of an edge end before the other side."""
         edge = self.edges[number]
         for inside, beyond in ((edge.low, edge.high), (edge.high, edge.low)):
-            if inside in self._wanted:
-                found, lasts = self._end(edge.along, inside, beyond)
-                if found is not None:
-                    yield found
+            if inside in self._followed_cells:
+                end, lasts = self._end(edge.along, inside, beyond)
+                if end is not None:
+                    yield end
                 elif lasts:
                     self.lasting.add(number)
 
     def __post_init__(self) -> None:
-        from scipy.ndimage import label  # a sixth of a second, which verdicts need not wait
+        from scipy.ndimage import label  # takes a sixth of a second, which verdicts need not wait
 
         least, many = LEAST * len(self.names), Counter(self.names.values()).most_common()
         forgets = self.model.at().forgets
@@ -151,7 +153,7 @@ class Coverage:
             regions = label(places)[0]
             small = np.flatnonzero(np.bincount(regions.ravel()) <= least)
             cells -= set(map(tuple, np.argwhere(places & np.isin(regions, small)).tolist()))
-        self._wanted = cells
+        self._followed_cells = cells
         self.followed = [name for name in followed if any(self.names[cell] == name for cell in cells)]
 
     def _end(self, along: int, inside: Cell, beyond: Cell) -> tuple[BifurcationPoint | StickingEnd | None, bool]:
@@ -186,7 +188,7 @@ def coverage(model: Model, plane: Plane, report: Report) -> Coverage:
     columns = [motions[name].values.tolist() for name in ("motion", "n_periods", "n_impacts")]
     names = {(i, j): tuple(column[i][j] for column in columns) for i, j in product(range(CELLS), repeat=2)}
     edges = [
-        Edge(along, (i, j), other)
+        CellEdge(along, (i, j), other)
         for along in (0, 1)
         for i, j in names
         if (other := (i + 1 - along, j + along)) in names and names[i, j] != names[other]
@@ -225,9 +227,9 @@ def _orbit_of(model: Model, n: int, p: int) -> Orbit | None:
     if not len(last.impact_velocity):
         return None
     phase, speed = float(last.impact_phase[0]), float(last.impact_velocity[0])
-    found = find_orbit(model, n_periods=n, n_impacts=p, near=(phase, speed))
-    lasting = [orbit for orbit in found if orbit.stable and orbit.admissible]
-    return min(lasting, key=lambda orbit: min(abs(v - speed) for v in orbit.velocities), default=None)
+    orbits = find_orbit(model, n_periods=n, n_impacts=p, near=(phase, speed))
+    attracting = [orbit for orbit in orbits if orbit.stable and orbit.admissible]
+    return min(attracting, key=lambda orbit: min(abs(v - speed) for v in orbit.velocities), default=None)
 
 
 def _end_of_orbit(orbit: Orbit, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
@@ -242,16 +244,16 @@ def _end_of_orbit(orbit: Orbit, parameter: str, values: tuple[float, float]) -> 
 
 def _touch(model: Model, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
     """Return the value at which the steady motion without a stop first touches it, and if it is clear at the end."""
-    from scipy.optimize import brentq  # as long
+    from scipy.optimize import brentq  # takes as long
 
-    def room(value: float) -> float:
+    def clearance(value: float) -> float:
         osc = model.at(**{parameter: value})
         return float(osc.gap - osc.steady_amplitude)
 
-    first, last = map(room, values)
+    first, last = map(clearance, values)
     if not (math.isfinite(first) and math.isfinite(last)) or first <= 0.0 or last > 0.0:
         return None, first > 0.0 and last > 0.0
-    touching = model.replace(**{parameter: float(brentq(room, *values, xtol=1e-300, rtol=1e-15))})
+    touching = model.replace(**{parameter: float(brentq(clearance, *values, xtol=1e-300, rtol=1e-15))})
     steady = touching.at().steady_state
     turns = math.atan2(steady.velocity / touching.at().omega, steady.displacement) / (2.0 * math.pi)
     orbit = make_orbit(touching, Cycle(1, 1), np.array([turns % 1.0, 0.0]))

@@ -15,7 +15,7 @@ from vibroimpact.continuation.boundary import NoBoundary, Plane, boundary_throug
 from vibroimpact.continuation.coverage import CELLS, Coverage, coverage, distances
 from vibroimpact.continuation.equations import Range
 from vibroimpact.continuation.following import UNKNOWN, check_share
-from vibroimpact.continuation.lines import ends_on_line, on_line, plain
+from vibroimpact.continuation.lines import ends_on_line, points_on_line, without_grazing_impacts
 from vibroimpact.continuation.results import KINDS, BifurcationPoint, Boundary, course, kinds_of
 from vibroimpact.continuation.sticking import MOST
 from vibroimpact.dataset import bifurcation_name
@@ -117,8 +117,8 @@ def boundary_curves(
     where the steady motion without impacts first touches the stop. Class boundaries that no curve reaches bound chaos
     (a crisis), or motions that cover less than 1 % of the map; or both motions exist on both sides, and the one that is
     reached from rest changes. What covers less than a cell of the map, or is not reached from rest, and crosses none
-    of the lines, is not found. Of symmetric systems orbits with an impact in each half of a cycle are followed from the
-    lines, too; sticking of systems is not followed, nor are, from the map, their motions without impacts. The residual
+    of the lines, is not found. For symmetric systems orbits with an impact in each half of a cycle are also followed
+    from the lines; sticking of systems is not followed, nor are motions without impacts from their maps. The residual
     of each point is below 1e-10 (1e-7 where an end of sticking meets a graze).
     15 to 60 s for a plane of the paper, most of it for ends of sticking; a family's function adds its own time, called
     several times per point.
@@ -139,8 +139,8 @@ def boundary_curves(
     possible = kinds_of(osc)
     plane = names, box = check_box(osc, parameters, ranges)
     count, longest = whole_number("lines", lines, 2), check_share("step", step)
-    given = several("n_periods", USUAL if n_periods is None else n_periods, "a list of whole numbers")
-    lengths = [whole_number("n_periods", n, 1) for n in given]
+    periods = several("n_periods", USUAL if n_periods is None else n_periods, "a list of whole numbers")
+    lengths = [whole_number("n_periods", n, 1) for n in periods]
     chosen = possible if kinds is None else several("kinds", kinds, "a list of kinds")
     wanted = frozenset(choice("kinds", kind, possible) for kind in chosen)
     if not wanted:
@@ -148,39 +148,33 @@ def boundary_curves(
     work = [
         (n, along, value) for n in lengths for along in (0, 1) for value in np.linspace(*box[1 - along], count).tolist()
     ]
-    found = Boundaries()
-    done, rows = 0, 0 if n_periods is not None else 2 * CELLS
+    curves = Boundaries()
+    done, total = 0, len(work) + (0 if n_periods is not None else 2 * CELLS)
 
-    def ask(*_: object) -> bool:
-        return report(done, len(work) + rows, found) is not False
+    def going(*_: object) -> bool:
+        return report(done, total, curves) is not False
 
     def look(*_: object) -> None:
-        if not ask():
+        if not going():
             raise _Stopped
 
-    search = _Search(found, plane, longest, look, wanted, attractors=n_periods is None)
+    search = _Search(curves, plane, longest, look, wanted, attractors=n_periods is None)
     with reporter(progress, "lines") as report, suppress(_Stopped):
         for n, along, value in work:
             line = osc.replace(**{names[1 - along]: value}), names[along], box[along], n
-            for point in on_line(*line, longest, look):
+            for point in points_on_line(*line, longest, look):
                 search.add(point)
             for end in ends_on_line(*line, look) if "end_of_sticking" in wanted else ():
                 search.add(end)
             done += 1
             look()
         if n_periods is None:
-            for _ in search.cover(coverage(osc, plane, ask)):
+            for _ in search.cover(coverage(osc, plane, going)):
                 done += 1
                 look()
-    _describe(
-        found,
-        search.map,
-        n_periods,
-        [kind for kind in possible if kind in wanted],
-        possible,
-        finished=done == len(work) + rows,
-    )
-    return found
+    followed_kinds = [kind for kind in possible if kind in wanted]
+    _describe(curves, search.map, n_periods, followed_kinds, possible, finished=done == total)
+    return curves
 
 
 def curves_through(
@@ -239,7 +233,7 @@ class _Search:
 
     Attributes
     ----------
-    found : list of Boundary
+    curves : list of Boundary
         Where they are collected: the parts of interest.
     attractors : bool
         Whether a curve is of interest only where it bounds a stable orbit, or the steady motion.
@@ -249,7 +243,7 @@ class _Search:
         The map whose class boundaries they shall reach.
     """
 
-    found: list[Boundary]
+    curves: list[Boundary]
     plane: Plane
     longest: float
     look: Report
@@ -260,7 +254,7 @@ class _Search:
 
     def add(self, point: BifurcationPoint | StickingEnd) -> None:
         """Follow the curve through a point, unless it is not wanted, lies on a followed one or cannot be followed."""
-        point = plain(point)
+        point = without_grazing_impacts(point)
         if point.kind not in self.kinds or self._on_curve(point.kind, [point.orbit] if point.orbit else [])[0]:
             return
         with suppress(NoBoundary):  # two boundaries meet in the point: another line or edge crosses them separately
@@ -269,11 +263,11 @@ class _Search:
                 longest, most = 2.0 * longest, ENOUGH
             curve = boundary_through(point, self.plane, longest, virtual=False, report=self.look, most=most)
             again = self._on_curve(curve.kind, curve.orbits)
-            idle = np.zeros(len(again), dtype=bool)
+            unstable = np.zeros(len(again), dtype=bool)
             if self.attractors and point.orbit is not None and not point.orbit.sticks:
-                idle = np.array([_unstable(curve.kind, orbit) for orbit in curve.orbits])
-            for part in _parts(curve, again, idle):
-                self.found.append(part)
+                unstable = np.array([_unstable(curve.kind, orbit) for orbit in curve.orbits])
+            for part in _parts(curve, again, unstable):
+                self.curves.append(part)
                 if self.map is not None:
                     self.map.add(part)
             self.followed.append(curve)
@@ -283,7 +277,7 @@ class _Search:
         if (map.motions["status"] == Status.INTERRUPTED).any():
             raise _Stopped
         self.map = map
-        for curve in self.found:
+        for curve in self.curves:
             map.add(curve)
         number = 0
         for along, row in product((0, 1), range(CELLS)):
@@ -297,13 +291,13 @@ class _Search:
 
     def _on_curve(self, kind: str, orbits: Sequence[Orbit]) -> Bools:
         """Return which orbits are on a curve that was followed already: nearer to it than a part of a step."""
-        met = np.zeros(len(orbits), dtype=bool)
+        on_curve = np.zeros(len(orbits), dtype=bool)
         for curve in self.followed:
             if orbits and (kind, _type(orbits[0])) == (curve.kind, _type(curve.orbits[0])):
                 fastest = max(max(orbit.velocities, default=0.0) for orbit in curve.orbits)
-                places = [self._places(which, fastest) for which in (orbits, curve.orbits)]
-                met |= distances(*places) < SAME * self.longest
-        return met
+                places = self._places(orbits, fastest), self._places(curve.orbits, fastest)
+                on_curve |= distances(*places) < SAME * self.longest
+        return on_curve
 
     def _places(self, orbits: Sequence[Orbit], fastest: float) -> Floats:
         """Return parameters in parts of their ranges, and of what does not stick the hardest impact's velocity."""
@@ -325,17 +319,17 @@ def _type(orbit: Orbit) -> tuple[int, int]:
     return orbit.n_periods, orbit.n_impacts
 
 
-def _parts(curve: Boundary, again: Bools, idle: Bools) -> Iterator[Boundary]:
-    """Yield the runs of points of a curve that are neither on another one nor without interest; why they end."""
-    drop = again | idle
+def _parts(curve: Boundary, again: Bools, unstable: Bools) -> Iterator[Boundary]:
+    """Yield the runs of points of a curve that are neither on another one nor unstable, and why they end."""
+    drop = again | unstable
     if not drop.any():
         yield curve
         return
     for dropped, run in groupby(range(len(drop)), key=lambda i: bool(drop[i])):
-        at = list(run)
-        first, last = at[0], at[-1] + 1
-        before = curve.outcome[0] if first == 0 else "unstable" if idle[first - 1] else "joined"
-        after = curve.outcome[1] if last == len(drop) else "unstable" if idle[last] else "joined"
+        points = list(run)
+        first, last = points[0], points[-1] + 1
+        before = curve.outcome[0] if first == 0 else "unstable" if unstable[first - 1] else "joined"
+        after = curve.outcome[1] if last == len(drop) else "unstable" if unstable[last] else "joined"
         first, last = first - (before == "joined"), last + (after == "joined")  # up to the other curve
         if dropped or last - first < 2:
             continue
@@ -351,7 +345,7 @@ def _parts(curve: Boundary, again: Bools, idle: Bools) -> Iterator[Boundary]:
 
 
 def _describe(
-    found: Boundaries,
+    curves: Boundaries,
     map: Coverage | None,
     n_periods: Sequence[int] | None,
     kinds: Sequence[str],
@@ -368,6 +362,6 @@ def _describe(
         names += ", and symmetric orbits with an impact in each half," * ("pitchfork" in possible)
         sentences += [f"looked for {names} on lines across the plane only", "other motions end elsewhere"]
     elif map is not None:
-        found.share, found.motions = map.share, map.motions
+        curves.share, curves.motions = map.share, map.motions
         sentences += map.sentences(finished=finished)
-    found.message = "; ".join(sentences)
+    curves.message = "; ".join(sentences)

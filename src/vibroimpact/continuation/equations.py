@@ -22,7 +22,7 @@ BRANCH, FOLD, DOUBLING, TORUS = "branch", "fold", "period_doubling", "neimark_sa
 TOUCH, LAST_IMPACT = "touch", "last_impact"
 GRAZING = (TOUCH, LAST_IMPACT)
 STEP = 1e-5  # of an unknown's size: differences are then right to about 1e-10, enough for Newton's method
-MOST = 12  # corrections per point
+CORRECTIONS = 12  # per point, at most
 CLOSE = 1e-9  # the correction after which convergence, which is quadratic, is complete
 FAR = 1e3  # a correction as large leads nowhere
 LEAST = 1e-3  # of the orbit's size: what is smaller does not shorten the differences further
@@ -48,14 +48,14 @@ class Nearest(NamedTuple):
     turns: float
     margin: float
     stop: int = 0
-    beside: float = math.inf  # the least clearance, likewise, of another stop than the struck one at an impact
+    beside: float = math.inf  # the least clearance of a stop that is not struck at an impact, in the same parts
 
 
 @dataclass(frozen=True, kw_only=True)
 class Equations(ABC):
     """Equations of a cycle with free parameters.
 
-    `condition` says which boundary, `where` which flight or impact, `stop` what that flight touches.
+    `condition` says which boundary, `impact` which impact or the flight after which, `stop` what that flight touches.
     """
 
     model: Model
@@ -63,7 +63,7 @@ class Equations(ABC):
     names: tuple[str, ...]
     ranges: tuple[Range, ...]
     condition: str = BRANCH
-    where: int = 0
+    impact: int = 0
     stop: int = 0
 
     @property
@@ -150,7 +150,7 @@ class Equations(ABC):
     def in_order(self, x: Floats) -> bool:
         """Whether the impacts follow one another, and the touch is inside its flight."""
         ends = np.append(x[: self.impacts], x[0] + self.length)
-        begin, end = ends[self.where : self.where + 2]
+        begin, end = ends[self.impact : self.impact + 2]
         inside = self.condition != TOUCH or begin + INSIDE < x[self.inner - 1] < end - INSIDE
         return bool((np.diff(ends) > 0.0).all() and inside)
 
@@ -163,9 +163,9 @@ class Equations(ABC):
 
         Turns and parameters count as they are, and so do velocities and states below 1.
         """
-        counts = np.ones(len(x))
-        counts[self.impacts : self.size] /= max(1.0, float(np.abs(x[self.impacts : self.size]).max()))
-        return counts
+        weights = np.ones(len(x))
+        weights[self.impacts : self.size] /= max(1.0, float(np.abs(x[self.impacts : self.size]).max()))
+        return weights
 
     def touching(self, x: Floats) -> Nearest | None:
         """Return the approach to a stop between impacts that is most nearly a touch."""
@@ -173,9 +173,9 @@ class Equations(ABC):
 
     def at_graze(self, x: Floats) -> tuple[Equations, Floats]:
         """Return the condition of the graze that an orbit is at, and its unknown."""
-        where = int(np.argmin(self.speeds(x)))
-        if self.speeds(x)[where] <= REST:
-            return self.bounded(LAST_IMPACT, x, where)
+        impact = int(np.argmin(self.speeds(x)))
+        if self.speeds(x)[impact] <= REST:
+            return self.bounded(LAST_IMPACT, x, impact)
         touch = self.touching(x) or Nearest(0, math.nan, math.nan)
         return self.bounded(TOUCH, x, touch.flight, touch.turns, touch.stop)
 
@@ -194,17 +194,17 @@ class Equations(ABC):
         return equations, x, np.append(np.linalg.svd(equations.flights_jacobian(x))[2][-1], 0.0)
 
     def bounded(
-        self, condition: str, x: Floats, where: int = 0, touch: float = 0.0, stop: int = 0
+        self, condition: str, x: Floats, impact: int = 0, touch: float = 0.0, stop: int = 0
     ) -> tuple[Equations, Floats]:
         """Return these equations with a condition more, and the unknown of theirs that x is."""
         start = np.concatenate([x[: self.size], [touch] if condition == TOUCH else [], x[self.size :]])
-        return replace(self, condition=condition, where=where, stop=stop), start
+        return replace(self, condition=condition, impact=impact, stop=stop), start
 
     def on_branch(self, x: Floats) -> Floats:
         """Return the unknown of the branch that a bifurcation lies on."""
         return np.concatenate([x[: self.size], x[self.inner :]])
 
-    def gives_at(self, where: int) -> bool:
+    def compliant_at(self, impact: int) -> bool:
         """Whether an impact is a contact of a compliant stop, which ends before anything else happens."""
         return False
 
@@ -220,7 +220,7 @@ class Equations(ABC):
     def touch(self, x: Floats) -> float:
         """Return the turns at which the orbit grazes; NaN for other conditions."""
         if self.condition == LAST_IMPACT:
-            return float(x[self.where])
+            return float(x[self.impact])
         return float(x[self.inner - 1]) if self.condition == TOUCH else math.nan
 
     def values(self, x: Floats) -> list[float]:
@@ -278,7 +278,7 @@ class Equations(ABC):
         """Return the solution near x, with row . x = target (its own by default)."""
         x = x.copy()
         aim: Any = row @ x if row is not None and target is None else target
-        for corrections in range(1, MOST + 1):
+        for corrections in range(1, CORRECTIONS + 1):
             if not self.possible(x):
                 break
             try:
@@ -304,6 +304,6 @@ class Equations(ABC):
 
     def tangent(self, x: Floats, along: Floats, jacobian: Floats | None = None) -> Floats:
         """Return the tangent of the curve at x, in the direction of `along`, of weighted length 1."""
-        counts = self.weights(x)
-        direction = np.linalg.svd((self.jacobian(x) if jacobian is None else jacobian) / counts)[2][-1]
-        return np.asarray(direction / counts * (1.0 if direction @ (along * counts) >= 0.0 else -1.0))
+        weights = self.weights(x)
+        direction = np.linalg.svd((self.jacobian(x) if jacobian is None else jacobian) / weights)[2][-1]
+        return np.asarray(direction / weights * (1.0 if direction @ (along * weights) >= 0.0 else -1.0))

@@ -6,8 +6,8 @@ the free parameters as parts of their ranges. The misses of the flights, and on 
     fold: 1 - trace + determinant,   period doubling: 1 + trace + determinant,
     grazing: the velocity of one impact, or gap and rate at the touch.
 
-A free parameter may be any of the model's. Of a family's own parameters the oscillator's numbers are known only as the
-function that makes them: their derivatives are central differences of it.
+A free parameter may be any of the model's. How the oscillator's numbers depend on the parameters of a family is known
+only from its function, so that their derivatives are central differences.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ class Flights(Equations):
     def conditions(self, x: Floats) -> list[float]:
         """Return the conditions that vanish on the boundary alone."""
         parameters, z = self.parameters(x), self.solution(x)
-        ahead = (self.touch(x) - self.cycle.span(z, self.where)[0]) * TURN / parameters[4]
+        ahead = (self.touch(x) - self.cycle.span(z, self.impact)[0]) * TURN / parameters[4]
         return self._condition(parameters, z, ahead, self.scales[0][0], self.speed)
 
     def _condition(self, parameters: list[float], z: Floats, ahead: float, length: float, speed: float) -> list[float]:
@@ -140,9 +140,9 @@ class Flights(Equations):
             trace = cycle.trace(parameters, z)
             return [(1.0 - trace if self.condition == FOLD else 1.0 + trace) + cycle.determinant(parameters)]
         if self.condition == LAST_IMPACT:
-            return [float(z[cycle.n_impacts + self.where]) / speed]
+            return [float(z[cycle.n_impacts + self.impact]) / speed]
         if self.condition == TOUCH:
-            angle, rate, _ = cycle.takeoff(parameters, z, self.where)
+            angle, rate, _ = cycle.takeoff(parameters, z, self.impact)
             gap, slope = flight_of(parameters).after(angle, rate, ahead)
             return [gap / length, slope / speed]
         return []
@@ -210,7 +210,7 @@ class Flights(Equations):
         osc, z, p = self.oscillator_at(x), self.solution(x), self.cycle.n_impacts
         parameters, size, speed = parameters_of(osc), orbit_size(osc, z), fastest_of(osc, z[p:])
         flights = self.cycle.misses(parameters, z) / np.repeat([size, speed], p)
-        ahead = (self.touch(x) - self.cycle.span(z, self.where)[0]) * osc.period
+        ahead = (self.touch(x) - self.cycle.span(z, self.impact)[0]) * osc.period
         condition = self._condition(parameters, z, ahead, size, speed)
         return max(float(np.abs(flights).max()), *map(abs, condition))
 

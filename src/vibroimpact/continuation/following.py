@@ -38,20 +38,20 @@ def follow(first: Point, longest: float) -> Iterator[tuple[Point, str]]:
     """
     equations, point, step, away = first.equations, first, longest, False
     while True:
-        counts, ahead = equations.weights(point.x), point.x + step * point.tangent
-        found, corrections, jacobian = equations.newton(ahead, counts * counts * point.tangent)
-        following = point.at(found, jacobian) if corrections else point
-        turned = following.tangent * counts
-        straight = turned @ (point.tangent * counts) / np.linalg.norm(turned)
-        if not corrections or straight < STRAIGHT or np.abs((found - ahead) * counts).max() > step:
+        weights, ahead = equations.weights(point.x), point.x + step * point.tangent
+        solution, corrections, jacobian = equations.newton(ahead, weights * weights * point.tangent)
+        following = point.at(solution, jacobian) if corrections else point
+        direction = following.tangent * weights
+        cosine = direction @ (point.tangent * weights) / np.linalg.norm(direction)
+        if not corrections or cosine < STRAIGHT or np.abs((solution - ahead) * weights).max() > step:
             step *= 0.5
             if step < SHORTEST * longest:
                 yield point, "lost"
                 return
             continue
-        outside = [j for j in range(equations.inner, len(found)) if not -EDGE <= found[j] <= 1.0 + EDGE]
+        outside = [j for j in range(equations.inner, len(solution)) if not -EDGE <= solution[j] <= 1.0 + EDGE]
         if outside:
-            yield _to_edge(point, found, outside)
+            yield _to_edge(point, solution, outside)
             return
         point = following
         distance = equations.distance(first.x, point.x)
@@ -66,13 +66,13 @@ def follow(first: Point, longest: float) -> Iterator[tuple[Point, str]]:
 def _to_edge(inside: Point, beyond: Floats, outside: list[int]) -> tuple[Point, str]:
     """Return the point at which the curve first leaves the ranges, between a point inside and one beyond."""
     edges = {j: 0.0 if beyond[j] < 0.0 else 1.0 for j in outside}
-    reached = {j: (edge - inside.x[j]) / (beyond[j] - inside.x[j]) for j, edge in edges.items()}
-    j = min(reached, key=lambda key: reached[key])
-    start = inside.x + reached[j] * (beyond - inside.x)
-    found, corrections, jacobian = inside.equations.newton(start, np.eye(len(start))[j], edges[j])
-    if not corrections or np.abs(found - start).max() > np.abs(beyond - inside.x).max() + EDGE:
+    shares = {j: (edge - inside.x[j]) / (beyond[j] - inside.x[j]) for j, edge in edges.items()}
+    j = min(shares, key=lambda key: shares[key])
+    start = inside.x + shares[j] * (beyond - inside.x)
+    solution, corrections, jacobian = inside.equations.newton(start, np.eye(len(start))[j], edges[j])
+    if not corrections or np.abs(solution - start).max() > np.abs(beyond - inside.x).max() + EDGE:
         return inside, "lost"
-    return inside.at(found, jacobian), "range"
+    return inside.at(solution, jacobian), "range"
 
 
 @dataclass
@@ -101,9 +101,9 @@ def both_ways(walk: Callable[[float], Iterator[Way]], report: Report) -> list[Wa
     return ways
 
 
-def check_range(model: Model, name: Any, given: Any, orbit: Orbit | None = None) -> Range:
-    """Return the ends of a range of a parameter of a model, which must hold the value of an orbit."""
-    low, high = check_pair(model, name, "range", given)
+def check_range(model: Model, name: Any, ends: Any, orbit: Orbit | None) -> Range:
+    """Return the ends of a range of a parameter of a model, which must hold the value of an orbit if there is one."""
+    low, high = check_pair(model, name, "range", ends)
     if not low < high:
         raise invalid("range", (low, high), "a lower number before a higher one")
     if orbit and not low <= orbit.value(name) <= high:

@@ -40,7 +40,7 @@ def gaining(
     pushes = stop in cycle.phases[at]
     kinds = (LET_GO, PUSH_AGAIN if flow.lag(stop) else IMPACT) if pushes else (IMPACT, LET_GO)
     events = (*cycle.events[:at], *(Event(stop, kind) for kind in kinds), *cycle.events[at:])
-    grown = replace(equations, cycle=replace(equations.cycle, events=events))
+    longer = replace(equations, cycle=replace(equations.cycle, events=events))
     half = BORN / max(cycle.fastest, flow.phase(tuple(sorted({*cycle.phases[at], stop}))).fastest)
     born = None
     for _ in range(SHORTENED):
@@ -48,8 +48,8 @@ def gaining(
         pair = touch + np.array([-half, lasting - half]) / TURN
         start = np.concatenate([x[:at], pair, x[at : equations.size], rest])
         row = np.eye(len(start))[at + 1] - np.eye(len(start))[at]
-        found, corrections, jacobian = grown.newton(start, row)
-        born = (grown, found, grown.tangent(found, row, jacobian)) if corrections else born
+        solution, corrections, jacobian = longer.newton(start, row)
+        born = (longer, solution, longer.tangent(solution, row, jacobian)) if corrections else born
         if corrections and born is not None and born[2][-1] * sign > 0.0:
             break
         half *= 0.5

@@ -7,7 +7,7 @@ from collections.abc import Callable, Hashable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,7 @@ SEEDS = 60  # values along a line at which orbits are looked for
 class _Seed(NamedTuple):
     """An orbit with one impact, or one in each half of it: what is struck how, the velocity, and how to make it."""
 
-    how: Hashable
+    struck: Hashable
     velocity: float
     orbit: Callable[[], Orbit]
 
@@ -45,22 +45,22 @@ def _seeds(model: Model, n: int) -> Iterator[_Seed]:
         return
     for struck in systems.cycles_of_one_impact(osc, n):
         for cycle, unknown in systems.of_one_impact(struck)[0]:
-            how, speed = (cycle.stops, cycle.images), float(cycle.velocities(unknown)[0])
-            yield _Seed(how, speed, partial(systems.make_orbit, model, cycle, unknown))
+            stops, speed = (cycle.stops, cycle.images), float(cycle.velocities(unknown)[0])
+            yield _Seed(stops, speed, partial(systems.make_orbit, model, cycle, unknown))
 
 
-def on_line(
+def points_on_line(
     model: Model, parameter: str, range: Range, n: int, longest: float, look: Report
 ) -> Iterator[BifurcationPoint]:
     """Yield the special points of the period-n impact-1 orbits along a line, each branch followed once.
 
-    Of symmetric systems those of the orbits with an impact in each half of a cycle, too.
+    For symmetric systems also those of the orbits with an impact in each half of a cycle.
     """
     covered: dict[Hashable, list[Floats]] = defaultdict(list)
     for value in np.linspace(*range, SEEDS).tolist():
         look(0, UNKNOWN, None)
         for seed in _seeds(model.replace(**{parameter: value}), n):
-            if any(_covered(rows, value, seed.velocity) for rows in covered[seed.how]):
+            if any(_covered(rows, value, seed.velocity) for rows in covered[seed.struck]):
                 continue
             orbit = seed.orbit()
             if not orbit.admissible:
@@ -68,7 +68,7 @@ def on_line(
             equations, solved = equations_of(orbit, (parameter,), (range,))
             for way in both_ways(partial(walk, equations, equations.pack(solved), longest, False), look):
                 rows = [[p.value, p.equations.velocities(p.x)[0]] for p in way.points]
-                covered[seed.how].append(np.array(rows))
+                covered[seed.struck].append(np.array(rows))
                 yield from (special.bifurcation(parameter) for special in way.special)
 
 
@@ -98,15 +98,14 @@ def _covered(branch: Floats, value: float, speed: float) -> bool:
     return bool(((low - slack <= speed) & (speed <= high + slack)).any())
 
 
-def plain(point: Any) -> BifurcationPoint | StickingEnd:
-    """Return a graze at velocity 0 as that of the orbit without this impact, which repeats sooner, perhaps.
+def without_grazing_impacts(point: BifurcationPoint | StickingEnd) -> BifurcationPoint | StickingEnd:
+    """Return a graze at velocity 0 as that of the orbit without this impact, which may repeat sooner.
 
-    Of an orbit with one impact nothing is left but the steady motion, which repeats after each driving period: it is
-    kept as a period-1 impact-1 orbit of velocity 0.
+    An orbit with one impact becomes the steady motion, which repeats after each driving period: it is kept as a
+    period-1 impact-1 orbit of velocity 0.
     """
     if not isinstance(point, BifurcationPoint) or point.kind != "grazing":
-        found: BifurcationPoint | StickingEnd = point
-        return found
+        return point
     if not point.orbit.oscillator.forgets:
         return point if any(point.orbit.velocities) else replace(point, orbit=systems.at_first_contact(point.orbit))
     cycle, z = solution_of(point.orbit)
@@ -117,9 +116,9 @@ def plain(point: Any) -> BifurcationPoint | StickingEnd:
     if not hits.any():
         cycle, z = Cycle(1, 1), np.array([turns[0], 0.0])
     else:
-        cycle = Cycle(cycle.n_periods, int(hits.sum()))
-        z = from_hardest(cycle, np.concatenate([turns[hits], speeds[hits]]))
-        shortest = true_cycle(cycle, z)
-        p = shortest.n_impacts
-        cycle, z = shortest, np.concatenate([z[:p], z[cycle.n_impacts :][:p]])
+        whole = Cycle(cycle.n_periods, int(hits.sum()))
+        z = from_hardest(whole, np.concatenate([turns[hits], speeds[hits]]))
+        cycle = true_cycle(whole, z)
+        p = cycle.n_impacts
+        z = np.concatenate([z[:p], z[whole.n_impacts :][:p]])
     return replace(point, orbit=make_orbit(point.orbit.model, cycle, z))

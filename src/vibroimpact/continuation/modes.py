@@ -20,7 +20,7 @@ its period, which is a pitchfork, where two asymmetric orbits of one cycle are b
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import combinations
@@ -75,7 +75,7 @@ class Modes(Equations):
 
     @property
     def impacts(self) -> int:
-        """Events of half a cycle that is mirrored, else all; of compliant stops, the ends of contacts, too."""
+        """Events of half a cycle that is mirrored, else all; they include the ends of contacts with compliant stops."""
         return len(self.cycle.events)
 
     @property
@@ -95,74 +95,68 @@ class Modes(Equations):
 
     def scaled_at(self, unknown: Floats, values: list[float]) -> Floats:
         """Return turns and scaled state of a cycle's unknown at some values of the parameters."""
-        p, turned = self.impacts, self._at(self.inside(values))[1]
-        return np.concatenate([unknown[:p] / TURN, np.linalg.solve(turned, unknown[p:])])
+        p, transform = self.impacts, self._at(values)[1]
+        return np.concatenate([unknown[:p] / TURN, np.linalg.solve(transform, unknown[p:])])
 
     @cached_property
-    def _designs(self) -> Any:
+    def _designs(self) -> Callable[[tuple[float, ...]], tuple[Cycle, Floats]]:
         return lru_cache(KEPT)(self._design)
 
-    @cached_property
-    def _last(self) -> Any:
-        return lru_cache(1)(lambda content: self._linear(np.frombuffer(content)))
-
     def _design(self, values: tuple[float, ...]) -> tuple[Cycle, Floats]:
-        cycle, flow = self.cycle, Flow(self.model.at(**dict(zip(self.names, values, strict=True))))
-        return replace(cycle, flow=flow), np.linalg.solve(flow.physical, self.basis)
+        flow = Flow(self.model.at(**dict(zip(self.names, values, strict=True))))
+        return replace(self.cycle, flow=flow), np.linalg.solve(flow.physical, self.basis)
 
-    def _at(self, values: Sequence[float]) -> tuple[Cycle, Floats]:
-        """Return the cycle at some values of the parameters, and its modes by those of the unknown."""
-        found: tuple[Cycle, Floats] = self._designs(tuple(values))
-        return found
+    def _at(self, values: list[float]) -> tuple[Cycle, Floats]:
+        """Return the cycle at the values in the ranges next to these, and its modes by those of the unknown."""
+        return self._designs(tuple(self.inside(values)))
 
     def solved(self, x: Floats) -> tuple[Cycle, Floats]:
         """Return the cycle there, and its own unknown."""
-        p, (cycle, turned) = self.impacts, self._at(self.inside(self.values(x)))
-        return cycle, np.concatenate([TURN * x[:p], turned @ x[p : self.size]])
+        p, (cycle, transform) = self.impacts, self._at(self.values(x))
+        return cycle, np.concatenate([TURN * x[:p], transform @ x[p : self.size]])
 
     def possible(self, x: Floats) -> bool:
         """Whether there is such a system of as many coordinates."""
         try:
-            _, turned = self._at(self.inside(self.values(x)))
+            _, transform = self._at(self.values(x))
         except (ValueError, np.linalg.LinAlgError):
             return False
-        return turned.shape == self.basis.shape
+        return transform.shape == self.basis.shape
 
     def flights(self, x: Floats) -> Floats:
         """Return clearances at the impacts and by how much the cycle is open; straight on beyond the ranges."""
-        return self._beyond(x, self._flights)
+        return self._extended(x, lambda at: self._linearised(at)[0])
 
     def conditions(self, x: Floats) -> list[float]:
         """Return the conditions that vanish on the boundary alone."""
-        return [] if self.condition == BRANCH else self._beyond(x, self._conditions).tolist()
+        return [] if self.condition == BRANCH else self._extended(x, self._conditions).tolist()
 
-    def _beyond(self, x: Floats, what: Any) -> Floats:
+    def _extended(self, x: Floats, function: Callable[[Floats], Floats]) -> Floats:
         """Return the value at the nearest place in the ranges, and on from there along its derivative."""
-        base: Floats = what(x)
-        found, values = base, self.values(x)
+        base = function(x)
+        extended, values = base, self.values(x)
         for j, (value, edge, (low, high)) in enumerate(zip(values, self.inside(values), self.ranges, strict=True)):
             if value != edge:
                 moved = x.copy()
                 moved[self.inner + j] = 1.0 - NUDGE if value > edge else NUDGE
-                found = found + abs(value - edge) / (high - low) * (base - what(moved)) / NUDGE
-        return found
-
-    def _flights(self, x: Floats) -> Floats:
-        return self._linearised(x)[0]
+                extended = extended + abs(value - edge) / (high - low) * (base - function(moved)) / NUDGE
+        return extended
 
     def _linearised(self, x: Floats) -> tuple[Floats, Floats]:
         """Return the scaled misses at the nearest values in the ranges, and their derivative by turns and state."""
-        found: tuple[Floats, Floats] = self._last(x.tobytes())
-        return found
+        return self._last(x.tobytes())
+
+    @cached_property
+    def _last(self) -> Callable[[bytes], tuple[Floats, Floats]]:
+        return lru_cache(1)(lambda content: self._linear(np.frombuffer(content)))
 
     def _linear(self, x: Floats) -> tuple[Floats, Floats]:
-        p, (cycle, unknown) = self.impacts, self.solved(x)
-        turned = self._at(self.inside(self.values(x)))[1]
+        p, (cycle, unknown), transform = self.impacts, self.solved(x), self._at(self.values(x))[1]
         misses, matrix = cycle.linearised(unknown)
-        matrix = np.hstack([TURN * matrix[:, :p], matrix[:, p:] @ turned])
+        matrix = np.hstack([TURN * matrix[:, :p], matrix[:, p:] @ transform])
         misses[:p] /= self.scale
         matrix[:p] /= self.scale
-        back = np.linalg.solve(turned, np.column_stack([misses[p:], matrix[p:]]))
+        back = np.linalg.solve(transform, np.column_stack([misses[p:], matrix[p:]]))
         misses[p:], matrix[p:] = back[:, 0], back[:, 1:]
         return misses, matrix
 
@@ -173,11 +167,11 @@ class Modes(Equations):
     def _conditions(self, x: Floats) -> Floats:
         cycle, unknown = self.solved(x)
         if self.condition == LAST_IMPACT:
-            return cycle.speeds(unknown)[[self.where]] / self.scale
+            return cycle.speeds(unknown)[[self.impact]] / self.scale
         if self.condition == TOUCH:
-            flow, begin, at = cycle.flow, unknown[self.where], TURN * x[self.inner - 1]
-            event, pushing = cycle.events[self.where], cycle.phases[self.where + 1]
-            after = flow.struck(event.stop, cycle.states(unknown)[self.where], flow.drive(begin))
+            flow, begin, at = cycle.flow, unknown[self.impact], TURN * x[self.inner - 1]
+            event, pushing = cycle.events[self.impact], cycle.phases[self.impact + 1]
+            after = flow.struck(event.stop, cycle.states(unknown)[self.impact], flow.drive(begin))
             touching = flow.fly(after, begin, at, pushing)
             return np.array(flow.touching(self.stop, touching, flow.drive(at), pushing)) / self.scale
         return np.array([_TESTS[self.condition](cycle.multipliers(unknown))])
@@ -191,24 +185,24 @@ class Modes(Equations):
         return nearest[0].imag != 0.0
 
     def bounded(
-        self, condition: str, x: Floats, where: int = 0, touch: float = 0.0, stop: int = 0
+        self, condition: str, x: Floats, impact: int = 0, touch: float = 0.0, stop: int = 0
     ) -> tuple[Equations, Floats]:
         """Return these equations with a condition more; a contact that a compliant stop loses becomes a graze."""
-        event = self.cycle.events[where]
-        if condition != LAST_IMPACT or not self.gives_at(where):
-            return super().bounded(condition, x, where, touch, stop)
-        events = (*self.cycle.events[:where], Event(event.stop, GRAZE), *self.cycle.events[where + 2 :])
-        x = np.concatenate([x[:where], [0.5 * (x[where] + x[where + 1])], x[where + 2 :]])
-        return replace(self, cycle=replace(self.cycle, events=events), condition=condition, where=where), x
+        event = self.cycle.events[impact]
+        if condition != LAST_IMPACT or not self.compliant_at(impact):
+            return super().bounded(condition, x, impact, touch, stop)
+        events = (*self.cycle.events[:impact], Event(event.stop, GRAZE), *self.cycle.events[impact + 2 :])
+        x = np.concatenate([x[:impact], [0.5 * (x[impact] + x[impact + 1])], x[impact + 2 :]])
+        return replace(self, cycle=replace(self.cycle, events=events), condition=condition, impact=impact), x
 
     def on_branch(self, x: Floats) -> Floats:
         """Return the unknown of the branch that a bifurcation lies on: there a graze is a contact without duration."""
-        x, at = super().on_branch(x), self.where
+        x, at = super().on_branch(x), self.impact
         return np.insert(x, at + 1, x[at]) if self.soft and self.condition == LAST_IMPACT else x
 
-    def gives_at(self, where: int) -> bool:
+    def compliant_at(self, impact: int) -> bool:
         """Whether an impact is a contact of a compliant stop, which ends before anything else happens."""
-        return self.cycle.events[where + 1 : where + 2] == (Event(self.cycle.events[where].stop, LET_GO),)
+        return self.cycle.events[impact + 1 : impact + 2] == (Event(self.cycle.events[impact].stop, LET_GO),)
 
     @property
     def soft(self) -> bool:
@@ -216,7 +210,7 @@ class Modes(Equations):
         compliant = self.cycle.flow.compliant
         if self.condition == TOUCH:
             return bool(compliant[self.stop])
-        return self.condition == LAST_IMPACT and self.cycle.events[self.where].kind == GRAZE
+        return self.condition == LAST_IMPACT and self.cycle.events[self.impact].kind == GRAZE
 
     def beyond(self, x: Floats, sign: float) -> tuple[Equations, Floats, Floats] | None:
         """Return the equations beyond a graze of a compliant stop, a solution and its tangent; None if there are none.
@@ -225,16 +219,16 @@ class Modes(Equations):
         """
         if not self.soft:
             return None
-        equations = replace(self, condition=BRANCH, where=0, stop=0)
+        equations = replace(self, condition=BRANCH, impact=0, stop=0)
         cycle, unknown = self.solved(x)
         if self.condition == TOUCH:
-            return gaining(equations, cycle, self.where, self.stop, x, sign)
-        less = losing(cycle, unknown, self.where)
-        if less is None:
+            return gaining(equations, cycle, self.impact, self.stop, x, sign)
+        shorter = losing(cycle, unknown, self.impact)
+        if shorter is None:
             return None
-        equations = replace(equations, cycle=less[0])
-        found = np.concatenate([equations.scaled_at(less[1], self.values(x)), x[self.inner :]])
-        return equations, found, equations.tangent(found, sign * np.eye(len(found))[-1])
+        equations = replace(equations, cycle=shorter[0])
+        solution = np.concatenate([equations.scaled_at(shorter[1], self.values(x)), x[self.inner :]])
+        return equations, solution, equations.tangent(solution, sign * np.eye(len(solution))[-1])
 
     def sizes(self, x: Floats) -> Floats:
         """Return by how much each unknown must change to change the flights by something of order one."""
@@ -245,11 +239,11 @@ class Modes(Equations):
 
     def reaching(self, x: Floats) -> Modes:
         """Return these equations with the `reach` of their parameters at x."""
-        base, reach = self._flights(x), []
+        base, reach = self._linearised(x)[0], []
         for j in range(self.size, len(x)):
             moved = x.copy()
             moved[j] += NUDGE if x[j] < 0.5 else -NUDGE
-            change = float(np.abs(self._flights(moved) - base).max()) / NUDGE
+            change = float(np.abs(self._linearised(moved)[0] - base).max()) / NUDGE
             reach.append(min(max(1.0 / change, 1e-3), 1.0) if change > 0.0 else 1.0)
         return replace(self, reach=tuple(reach))
 
@@ -276,8 +270,8 @@ class Modes(Equations):
         """Return the tests of period doublings (of pitchforks) and Neimark-Sacker points."""
         cycle, unknown = self.solved(x)
         multipliers = cycle.multipliers(unknown)
-        found = {condition: _TESTS[condition](multipliers) for condition in (DOUBLING, TORUS)}
-        return {condition: value if abs(value) > NOISE else NOISE for condition, value in found.items()}
+        values = {condition: _TESTS[condition](multipliers) for condition in (DOUBLING, TORUS)}
+        return {condition: value if abs(value) > NOISE else NOISE for condition, value in values.items()}
 
     def halves(self, x: Floats) -> Floats | None:
         """Return by how much the halves of a cycle differ, or the first and the mirrored second one."""
@@ -348,16 +342,16 @@ _TESTS: dict[str, Any] = {
 
 def images_along(model: Any, names: Sequence[str], ranges: Sequence[Range]) -> tuple[int, ...]:
     """Return the stop that each one becomes in the mirror, if no parameter alone breaks a model's symmetry."""
-    found = mirror(model.at())[0]
+    images = mirror(model.at())[0]
     for name, (low, high) in zip(names, ranges, strict=True):
-        for share in (0.0, 0.31, 1.0) if found else ():
+        for share in (0.0, 0.31, 1.0) if images else ():
             try:
                 moved = mirror(model.at(**{name: low + share * (high - low)}))[0]
             except ValueError:  # no system of this value
                 continue
-            if moved != found:
+            if moved != images:
                 return ()
-    return found
+    return images
 
 
 def modes_of(orbit: SystemOrbit, names: tuple[str, ...], ranges: tuple[Range, ...]) -> tuple[Modes, Floats]:

@@ -57,7 +57,7 @@ class Solution:
     def admissible(self) -> bool:
         """Whether the orbit can be; the graze that defines a boundary is allowed."""
         at_impact = self.equations.condition == LAST_IMPACT
-        others = np.delete(self.speeds, self.equations.where) if at_impact else self.speeds
+        others = np.delete(self.speeds, self.equations.impact) if at_impact else self.speeds
         return bool((others > 0.0).all() and self.margin >= -ROUNDING and self.parted)
 
     @property
@@ -98,8 +98,8 @@ class Point(Solution):
     def middle(self, other: Point) -> Point | None:
         """Return the point halfway to another, across their chord; None where Newton's method finds none."""
         chord = other.x - self.x
-        found, corrections, jacobian = self.equations.newton(self.x + 0.5 * chord, chord)
-        return self.at(found, jacobian) if corrections else None
+        solution, corrections, jacobian = self.equations.newton(self.x + 0.5 * chord, chord)
+        return self.at(solution, jacobian) if corrections else None
 
     def furthest(self, other: Point, halvings: int, holds: Callable[[Point], bool]) -> Point:
         """Return the last point on the way to another at which something holds that does here."""
@@ -123,7 +123,10 @@ class Point(Solution):
 
     def nears(self, other: Point) -> bool:
         """Whether a test is less than half of what it was at another point."""
-        return any(self.tests[key] * math.copysign(1.0, was) < 0.5 * abs(was) for key, was in other.tests.items())
+        return any(
+            self.tests[condition] * math.copysign(1.0, before) < 0.5 * abs(before)
+            for condition, before in other.tests.items()
+        )
 
     @property
     def clear(self) -> bool:

@@ -188,14 +188,14 @@ class Boundary:
 
 
 def _along(
-    curve: Branch | Boundary, content: dict[str, Any], values: dict[str, Any], call: str, given: dict[str, Any]
+    curve: Branch | Boundary, content: dict[str, Any], values: dict[str, Any], call: str, arguments: dict[str, Any]
 ) -> xr.Dataset:
     """Return variables along a curve as a dataset with the parameters' values, the outcome and the provenance."""
     first = curve.orbits[0]
     name = {"n_periods": first.n_periods, "n_impacts": first.n_impacts}
     ends = {"outcome": " ".join(curve.outcome), "message": curve.message}
     struck = {} if first.oscillator.forgets else {"stops": " ".join(first.stops)}
-    attrs = provenance(call, first.model, given | name | curve.arguments) | name | struck | ends
+    attrs = provenance(call, first.model, arguments | name | curve.arguments) | name | struck | ends
     return dataset_of(content, {key: axis(first.model, key, "point", values[key]) for key in values}, attrs)
 
 

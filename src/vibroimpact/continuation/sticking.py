@@ -35,7 +35,7 @@ AIM = 1e-2  # of the distance to the end that is expected: so far beside it the 
 
 
 @dataclass(frozen=True)
-class Last:
+class CurvePoint:
     """A point of the curve: the last sticking cycle, on neighbouring numbers beyond which there is none."""
 
     model: Model
@@ -100,9 +100,9 @@ class Sticking:
         self.report(self.done, UNKNOWN, None)
         return from_release(self.model_at(at).at(), self.n_periods)
 
-    def last(self, at: Place) -> Last:
+    def point(self, at: Place) -> CurvePoint:
         """Return a place on the curve as one of its points."""
-        return Last(self.model_at(at), self.stick(at), self.n_periods)
+        return CurvePoint(self.model_at(at), self.stick(at), self.n_periods)
 
     def stuck(self, at: Place) -> float:
         """Return the stuck time over T of the cycle, or NaN where it is not there."""
@@ -150,8 +150,8 @@ class Sticking:
             sticks |= {-fan: self.sticks(path(-fan)), fan: self.sticks(path(fan))}
             pairs = [(a, b)[::side] for a, b in pairwise(sorted(sticks)) if (sticks[b] - sticks[a]) * side > 0]
             for out, into in sorted(pairs, key=lambda pair: abs(pair[0] + pair[1])):
-                if (found := self.end(path, out, into)) is not None:
-                    return found
+                if (end := self.end(path, out, into)) is not None:
+                    return end
         return None
 
     def joined(self, a: Place, b: Place, side: int) -> bool:
@@ -164,7 +164,7 @@ class Sticking:
         return True
 
 
-def sticking_curve(plane: Sticking, longest: float, most: int, side: float) -> Iterator[Way]:
+def sticking_curve(sticking: Sticking, longest: float, most: int, side: float) -> Iterator[Way]:
     """Yield, point by point, the curve through the origin of a plane as far as it has been followed.
 
     The cycle is to its left (`side` 1) or right (-1). Each point lies on neighbouring floating-point numbers, at most
@@ -174,27 +174,27 @@ def sticking_curve(plane: Sticking, longest: float, most: int, side: float) -> I
     flight, where the stuck time changes with infinite slope.
     """
     start = (0.0, 0.0)
-    way, last, heading, step, finest = Way([plane.last(start)]), start, 0.0, longest, longest * FINEST_STEP
+    way, last, heading, step, finest = Way([sticking.point(start)]), start, 0.0, longest, longest * FINEST_STEP
     while len(way.points) <= most:
         path = _circle(last, step, heading)
-        angle = plane.crossing(path, int(side))
-        found = last if angle is None else path(angle)
-        inside = plane.inside(found)  # what an edge cuts off goes on straight: it meets the edge at the same value
+        angle = sticking.crossing(path, int(side))
+        place = last if angle is None else path(angle)
+        inside = sticking.inside(place)  # what an edge cuts off goes on straight: it meets the edge at the same value
         moved = math.dist(inside, last) > EDGE  # a start on the edge is no second point
-        if angle is None or not (step <= finest or not moved or plane.joined(last, inside, int(side))):
+        if angle is None or not (step <= finest or not moved or sticking.joined(last, inside, int(side))):
             if step <= finest:
-                way.end, way.why = "lost", plane.why
+                way.end, way.why = "lost", sticking.why
                 break
             step = max(0.5 * step, finest)
             continue
         if moved:
-            way.points.append(plane.last(found))
-        if inside != found:
+            way.points.append(sticking.point(place))
+        if inside != place:
             way.end = "range"
             break
-        plane.done += 1
-        last, heading, step = found, heading + angle, min(longest, GROWTH * step)
-        if len(way.points) > 4 and math.dist(last, start) < 0.75 * step and plane.joined(last, start, int(side)):
+        sticking.done += 1
+        last, heading, step = place, heading + angle, min(longest, GROWTH * step)
+        if len(way.points) > 4 and math.dist(last, start) < 0.75 * step and sticking.joined(last, start, int(side)):
             way.points.append(way.points[0])
             way.end = "closed"
             break

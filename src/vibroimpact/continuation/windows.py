@@ -62,7 +62,7 @@ class Window:
         """Return the stable orbits that Newton's method reaches at a value from the two nearest ones of the window."""
         nearest = sorted(self.orbits, key=lambda orbit: abs(orbit.value(self.parameter) - value))
         moved = [_moved(orbit, self.parameter, value) for orbit in nearest[:2]]
-        return [found for found in moved if found and _lasts(found)]
+        return [orbit for orbit in moved if orbit and _attracts(orbit)]
 
 
 def follow_all(
@@ -102,8 +102,8 @@ def follow_all(
 
     Notes
     -----
-    An orbit born at a fold is on no branch unless one of its type is given. Of two twins born at a pitchfork one is
-    followed. About a tenth of a second per branch.
+    An orbit born at a fold is on no branch unless one of its type is given. One of the two twins born at a pitchfork
+    is followed. About a tenth of a second per branch.
 
     Examples
     --------
@@ -153,7 +153,7 @@ def _lies_on(orbit: Orbit, branch: Branch) -> bool:
     around = np.flatnonzero(apart[:-1] * apart[1:] <= 0.0)
     nearest = {int(j if abs(apart[j]) < abs(apart[j + 1]) else j + 1) for j in around}
     moved = [_moved(branch.orbits[j], branch.parameter, value) for j in nearest]
-    return any(same_orbit(found, orbit, tolerance=SAME) for found in moved if found)
+    return any(same_orbit(near, orbit, tolerance=SAME) for near in moved if near)
 
 
 def stable_windows(branches: Branch | Iterable[Branch]) -> list[Window]:
@@ -180,31 +180,31 @@ def stable_windows(branches: Branch | Iterable[Branch]) -> list[Window]:
     >>> window.name, window.low, round(window.high, 9), window.ends
     ('period-1 impact-1', 2.0, 2.65392352, ('range', 'period_doubling'))
     """
-    given = [branches] if isinstance(branches, Branch) else list(branches)
-    return sorted((window for branch in given for window in _branch_windows(branch)), key=lambda window: window.low)
+    several = [branches] if isinstance(branches, Branch) else branches
+    return sorted((window for branch in several for window in _branch_windows(branch)), key=lambda window: window.low)
 
 
 def _branch_windows(branch: Branch) -> Iterator[Window]:
     parameter = branch.parameter
     special = {point.value: point.kind for point in branch.special}
-    orbits = _looked_between(branch, special)
-    for lasting, run in groupby(range(len(orbits)), key=lambda i: _lasts(orbits[i])):
-        where = list(run)
-        low, high = sorted([_end(branch, orbits, special, where[0], -1), _end(branch, orbits, special, where[-1], 1)])
-        if lasting and low[0] < high[0]:
-            inside = tuple(orbits[i] for i in where)
+    orbits = _with_middles(branch, special)
+    for attract, run in groupby(range(len(orbits)), key=lambda i: _attracts(orbits[i])):
+        places = list(run)
+        low, high = sorted([_end(branch, orbits, special, places[0], -1), _end(branch, orbits, special, places[-1], 1)])
+        if attract and low[0] < high[0]:
+            inside = tuple(orbits[i] for i in places)
             name = inside[0].n_periods, inside[0].n_impacts
             yield Window(parameter, *name, low[0], high[0], (low[1], high[1]), inside)
 
 
-def _looked_between(branch: Branch, special: dict[float, str]) -> list[Orbit]:
+def _with_middles(branch: Branch, special: dict[float, str]) -> list[Orbit]:
     """Return the branch's orbits, with one between each two special points that follow each other."""
     orbits = [branch.orbits[0]]
     for a, b in pairwise(branch.orbits):
         low, high = sorted((a.value(branch.parameter), b.value(branch.parameter)))
         if low in special and high in special and low < high:
-            between = _moved(a, branch.parameter, 0.5 * (low + high))
-            orbits += [between] if between else []
+            middle = _moved(a, branch.parameter, 0.5 * (low + high))
+            orbits += [middle] if middle else []
         orbits.append(b)
     return orbits
 
@@ -217,10 +217,10 @@ def _end(branch: Branch, orbits: list[Orbit], special: dict[float, str], at: int
     if 0 <= beside < len(orbits):
         end = orbits[beside].value(branch.parameter)
         return end, special.get(end, "lost")
-    why = branch.outcome[0 if way < 0 else 1]
-    if why == "period_doubling" and branch.special:  # of the orbit it comes from, which is none of its own
-        return branch.special[0 if way < 0 else -1].value, why
-    return value, why
+    reason = branch.outcome[0 if way < 0 else 1]
+    if reason == "period_doubling" and branch.special:  # of the orbit it comes from, which is none of its own
+        return branch.special[0 if way < 0 else -1].value, reason
+    return value, reason
 
 
 def swept_windows(sweep: xr.Dataset) -> list[Window]:
@@ -262,13 +262,13 @@ def swept_windows(sweep: xr.Dataset) -> list[Window]:
     return [Window(parameter, *name, values[run[0]], values[run[-1]], ("grid", "grid")) for name, run in runs]
 
 
-def _lasts(orbit: Orbit) -> bool:
+def _attracts(orbit: Orbit) -> bool:
     return orbit.stable and orbit.admissible
 
 
 def _moved(orbit: Orbit, parameter: str, value: float) -> Orbit | None:
     """Return the orbit at another value of a parameter that Newton's method reaches from this one, or None."""
     model = orbit.model.replace(**{parameter: value})
-    found = find_orbit(model, n_periods=orbit.n_periods, n_impacts=orbit.n_impacts, near=orbit)
+    orbits = find_orbit(model, n_periods=orbit.n_periods, n_impacts=orbit.n_impacts, near=orbit)
     # With one impact all orbits are found, in closed form.
-    return min(found, key=partial(orbit_distance, orbit), default=None)
+    return min(orbits, key=partial(orbit_distance, orbit), default=None)

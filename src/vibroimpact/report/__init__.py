@@ -14,10 +14,10 @@ from vibroimpact.dataset import bifurcation_name, model_of, unbundle
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
 from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along
 from vibroimpact.motion.recognition import recognise, recurrence
-from vibroimpact.parameters import counted
+from vibroimpact.parameters import counted, hertz
 from vibroimpact.report.quantities import axis_range, initial_condition, quantity, spaced, span
 from vibroimpact.report.sweeps import diagram_sentences, map_sentences
-from vibroimpact.report.systems import coordinates, each_stop, system_sentence
+from vibroimpact.report.systems import each_stop, moving_columns, system_sentence
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def _impacts(dataset: xr.Dataset) -> Iterator[str]:
 
 def _stroboscopic(dataset: xr.Dataset) -> Iterator[str]:
     several = "coordinate" in dataset.dims
-    columns = coordinates(dataset) if several else [dataset[name].values for name in ("displacement", "velocity")]
+    columns = moving_columns(dataset) if several else [dataset[name].values for name in ("displacement", "velocity")]
     n, start = recurrence(*columns), initial_condition(dataset, after=": ")
     if not n:
         yield f"{start}the samples taken once per driving period do not repeat"
@@ -128,16 +128,16 @@ def _orbits(dataset: xr.Dataset) -> Iterator[str]:
             yield f"   inadmissible: {reason}"
         yield from _cycle_of_impacts(orbit)
         if float(orbit.get("stuck_time", 0.0)) > 0.0:
-            rest, leaves, stuck = (float(orbit[key]) for key in ("stick_phase", "release_phase", "stuck_time"))
-            yield f"   at rest at the stop from phase {rest:.6g} to {leaves:.6g}, {stuck:.6g} s per cycle"
+            rest, release, stuck = (float(orbit[key]) for key in ("stick_phase", "release_phase", "stuck_time"))
+            yield f"   at rest at the stop from phase {rest:.6g} to {release:.6g}, {stuck:.6g} s per cycle"
         yield f"   multipliers {_multipliers(orbit)}"
 
 
 def _cycle_of_impacts(orbit: xr.Dataset) -> Iterator[str]:
     """Yield the impacts of a cycle, a few to a line."""
-    where = [f" on {stop}" for stop in orbit["stop"].values] if "stop" in orbit else [""] * orbit.sizes["impact"]
-    rows = orbit["velocity"].values, orbit["phase"].values, where
-    hits = [f"{v:.6g} m/s at phase {phase:.6g}{on}" for v, phase, on in zip(*rows, strict=True) if math.isfinite(v)]
+    stops = [f" on {stop}" for stop in orbit["stop"].values] if "stop" in orbit else [""] * orbit.sizes["impact"]
+    rows = orbit["velocity"].values, orbit["phase"].values, stops
+    hits = [f"{v:.6g} m/s at phase {phase:.6g}{stop}" for v, phase, stop in zip(*rows, strict=True) if math.isfinite(v)]
     parts = hits[:IMPACTS] + [f"and {len(hits) - IMPACTS} more"] * (len(hits) > IMPACTS)
     for first in range(0, len(parts), PER_LINE):
         comma = "," if first + PER_LINE < len(parts) else ""
@@ -174,7 +174,7 @@ def _branches(dataset: xr.Dataset) -> Iterator[str]:
         yield f"{head}{motion_along(branch)}: {counted(branch.sizes['point'], 'orbit')}, {branch.attrs['message']}"
         intervals = [f"{low:.6g} to {high:.6g}" for low, high in _stable_intervals(branch, parameter)]
         yield f"  stable for {parameter} {listed(intervals)}" if intervals else "  nowhere stable"
-        kinds = str(branch["special_kind"].attrs["flag_meanings"]).split()
+        kinds = _meanings(branch["special_kind"])
         for i in range(branch.sizes["special"]):
             point = branch.isel(special=i)
             hits = listed([f"{v:.6g}" for v in point["special_velocity"].values if math.isfinite(v)][:IMPACTS])
@@ -198,28 +198,31 @@ def _stable_intervals(branch: xr.Dataset, parameter: str) -> Iterator[tuple[floa
             yield float(part.min()), float(part.max())
 
 
-def _varied(part: xr.Dataset) -> list[str]:
-    return [str(name) for name, coord in part.coords.items() if coord.dims == ("point",)]
+def _varied(curve: xr.Dataset) -> list[str]:
+    return [str(name) for name, coord in curve.coords.items() if coord.dims == ("point",)]
+
+
+def _meanings(codes: xr.DataArray) -> list[str]:
+    return str(codes.attrs["flag_meanings"]).split()
 
 
 def _boundaries(dataset: xr.Dataset) -> Iterator[str]:
     curves = unbundle(dataset)
     yield f"{counted(len(curves), 'curve')} in the plane of {listed(_varied(curves[0]))}"
-    meanings = str(dataset["kind"].attrs["flag_meanings"]).split()
     for curve in curves:
-        where = ", ".join(axis_range(curve, name) for name in _varied(curve))
+        ranges = ", ".join(axis_range(curve, name) for name in _varied(curve))
         size, residual = counted(curve.sizes["point"], "point"), float(curve["residual"].max())
-        kind = bifurcation_name(meanings[int(curve["kind"])])
-        yield f"  {kind} of {_that_ends(curve)}: {where} ({size}, residual at most {residual:.0e})"
+        kind = _meanings(curve["kind"])[int(curve["kind"])]
+        motion = _bounded_motion(curve, grazes=kind == "grazing")
+        yield f"  {bifurcation_name(kind)} of {motion}: {ranges} ({size}, residual at most {residual:.0e})"
     yield from filter(None, dataset.attrs.get("message", "").split("; "))
 
 
-def _that_ends(curve: xr.Dataset) -> str:
+def _bounded_motion(curve: xr.Dataset, grazes: bool) -> str:
     """Return the motion that a curve bounds: at velocity 0 the steady one; or that it is no attractor there."""
     motion = motion_along(curve)
     if motion == WITHOUT:
         return f"{motion}, which first touches the stop"
-    grazes = str(curve["kind"].attrs["flag_meanings"]).split()[int(curve["kind"])] == "grazing"
     stable = curve["stable"].values == 1
     if not grazes or stable.all():
         return motion
@@ -234,7 +237,7 @@ def _basins(dataset: xr.Dataset) -> Iterator[str]:
     axes = [str(dim) for dim in field.dims]
     shape = " x ".join(str(dataset.sizes[axis]) for axis in axes)
     yield f"{shape} initial conditions: " + "; ".join(axis_range(dataset, axis) for axis in axes)
-    names = [spaced(name) for name in str(field.attrs["flag_meanings"]).split()[1:]]
+    names = [spaced(name) for name in _meanings(field)[1:]]
     for name, at in zip(names, range(dataset.sizes["attractor_id"]), strict=True):
         attractor = dataset.isel(attractor_id=at)
         hardest, exponent = float(attractor["max_velocity"]), float(attractor["lyapunov"])
@@ -258,7 +261,7 @@ def _comparison(dataset: xr.Dataset) -> Iterator[str]:
         units = dataset[name].attrs["units"]
         yield f"  {dataset[name].attrs['long_name']}: {quantity(first, units, 6)} and {quantity(second, units, 6)}"
         if name == "omega":
-            first, second = first / (2.0 * math.pi), second / (2.0 * math.pi)
+            first, second = hertz(first), hertz(second)
             yield f"  driving frequency: {quantity(first, 'Hz', 6)} and {quantity(second, 'Hz', 6)}"
 
 

@@ -27,7 +27,7 @@ def quantity(value: float, units: str, digits: int = 12) -> str:
 
 
 def spaced(word: str) -> str:
-    """Return a word of a table of flags, as it is said."""
+    """Return a word of a table of flags with spaces in place of underscores."""
     return word.replace("_", " ")
 
 

@@ -61,14 +61,14 @@ def hits_of(dataset: xr.Dataset) -> Iterator[str]:
     field = dataset["status"].transpose("start", ...)
     if (field == Status.INTERRUPTED).any():
         return
-    going = [status for status in Status if status.has_indices or status == Status.DECAYING]
-    has_impacts = np.isin(field.values, going)
+    with_impacts = [status for status in Status if status.has_indices or status == Status.DECAYING]
+    has_impacts = np.isin(field.values, with_impacts)
     first, others = has_impacts[0], has_impacts.any(axis=0) & ~has_impacts[0] & (field.values[0] != Status.BUDGET)
-    named = json.loads(dataset.attrs.get("arguments", "{}")).get("start")
-    at_rest = isinstance(named, int) or (isinstance(named, list) and named[:1] == [None])
-    start = "rest" if at_rest else "the first initial condition"
+    start = json.loads(dataset.attrs.get("arguments", "{}")).get("start")
+    at_rest = isinstance(start, int) or (isinstance(start, list) and start[:1] == [None])
+    origin = "rest" if at_rest else "the first initial condition"
     yield (
-        f"impacts go on from {start} in {first.sum():,} of {first.size:,} cells ({100 * first.mean():.3g} %); in "
+        f"impacts go on from {origin} in {first.sum():,} of {first.size:,} cells ({100 * first.mean():.3g} %); in "
         f"{others.sum():,} more ({100 * others.mean():.3g} %) only from others of the {len(field)} initial conditions"
     )
 
@@ -76,7 +76,7 @@ def hits_of(dataset: xr.Dataset) -> Iterator[str]:
 def _index(field: xr.DataArray, axes: list[str], scale: float) -> str:
     """Return range and largest value of an index, and how often it is infinite; `scale` is that of velocities.
 
-    Of several initial conditions the range is that of the largest value in each cell.
+    For several initial conditions the range is that of the largest value in each cell.
     """
     rounding = ROUNDING * spread_scale(str(field.name), scale)  # the spread of a cycle is nothing else
     field = field.where(~(np.abs(field) <= rounding), 0.0).assign_attrs(field.attrs)
@@ -91,8 +91,8 @@ def _index(field: xr.DataArray, axes: list[str], scale: float) -> str:
         place += f", start = {int(peak['start'])}"
         field, values = field.max("start"), values.max("start").assign_attrs(field.attrs)
     infinite = 100.0 * float(np.isinf(field).mean())
-    more = f"; infinite in {infinite:.3g} % of the cells" if infinite else ""
-    return f"{head}: {span(values)}, largest at {place}{more}"
+    partly = f"; infinite in {infinite:.3g} % of the cells" if infinite else ""
+    return f"{head}: {span(values)}, largest at {place}{partly}"
 
 
 def _motions(classes: xr.Dataset) -> Iterator[str]:
@@ -127,8 +127,8 @@ def diagram_sentences(dataset: xr.Dataset) -> Iterator[str]:
     labels = [_motion_at(dataset.isel({axis: i}), axis) for i in range(len(values))]
     runs = [(label, [i for i, _ in group]) for label, group in groupby(enumerate(labels), lambda pair: pair[1])]
     longest = sorted(sorted(runs, key=lambda run: -len(run[1]))[:INTERVALS], key=lambda run: run[1][0])
-    for label, at in longest:
-        ends = f"{values[at[0]]:.4g}" + (f" to {values[at[-1]]:.4g}" if len(at) > 1 else "")
+    for label, places in longest:
+        ends = f"{values[places[0]]:.4g}" + (f" to {values[places[-1]]:.4g}" if len(places) > 1 else "")
         yield f"  {axis} {ends}: {label}"
     if len(runs) > len(longest):
         yield f"  and {counted(len(runs) - len(longest), 'shorter interval')}"
@@ -151,31 +151,31 @@ def _sample_range(samples: xr.DataArray, axis: str) -> Iterator[str]:
 def _motion_at(row: xr.Dataset, axis: str) -> str:
     """Return the motion at one value of a diagram's axis, from its indices and samples."""
     status, count = Status(int(row["status"])), int(row["count"])
-    kept = {name: row[name].values[:count] for name in ("displacement", "velocity", "phase") if name in row}
+    samples = {name: row[name].values[:count] for name in ("displacement", "velocity", "phase") if name in row}
     n, p = (int(row[name]) if name in row else 0 for name in ("n_periods", "n_impacts"))
     winding = count * may_wind(model_of(row))
-    kind = MotionClass(int(decide(status, _growth(row, axis, kept), n, p, winding)))
+    kind = MotionClass(int(decide(status, _growth(row, axis, samples), n, p, winding)))
     if kind != MotionClass.UNDECIDED:
         return motion_name(kind, n, p)
-    if "phase" not in kept:
-        if n := recurrence(kept["displacement"], kept["velocity"]):
+    if "phase" not in samples:
+        if n := recurrence(samples["displacement"], samples["velocity"]):
             return f"period-{n}"
     elif status == Status.STICKING:
         return "comes to rest at the stop"
-    elif p := cycle_length(kept["velocity"], kept["phase"]):
+    elif p := cycle_length(samples["velocity"], samples["phase"]):
         return f"{counted(p, 'impact')} per cycle"
     elif status == Status.SHORT_WINDOW:
         return "sample too short to classify"
     return "does not repeat"
 
 
-def _growth(row: xr.Dataset, axis: str, kept: Mapping[str, NDArray[np.float64]]) -> float:
+def _growth(row: xr.Dataset, axis: str, samples: Mapping[str, NDArray[np.float64]]) -> float:
     """Return ln of the growth of perturbations over the sample; NaN where no index gives it."""
-    if "lyapunov_per_impact" in row and "phase" in kept:
+    if "lyapunov_per_impact" in row and "phase" in samples:
         return float(row["lyapunov_per_impact"]) * int(row["count"])
     osc = model_of(row)
     if "lyapunov" not in row or axis not in osc.parameters:
         return math.nan
     # A phase that falls from one impact to the next shows that a driving period began between them.
-    periods = int((np.diff(kept["phase"]) < 0.0).sum()) if "phase" in kept else int(row["count"])
+    periods = int((np.diff(samples["phase"]) < 0.0).sum()) if "phase" in samples else int(row["count"])
     return float(row["lyapunov"]) * osc.replace(**{axis: float(row[axis])}).period * periods

@@ -38,8 +38,8 @@ def system_sentence(section: xr.Dataset, system: ImpactSystem) -> str:
     if not n:
         return "the sampled impacts do not repeat"
     if section.sizes.get("stick", 0):
-        where = listed(sorted(set(section["stick_stop"].values.tolist())))
-        return f"{cycle_name(n, p, sticks=True)}, closes {where}, hardest hit {speed[-p:].max():.3g} m/s"
+        closed = listed(sorted(set(section["stick_stop"].values.tolist())))
+        return f"{cycle_name(n, p, sticks=True)}, closes {closed}, hardest hit {speed[-p:].max():.3g} m/s"
     return f"{cycle_name(n, p)}, {_listed(speed[-p:], codes[-p:], names)} every {n * period:.3g} s"
 
 
@@ -47,34 +47,34 @@ def _listed(speed: Any, cycle: Any, names: Any) -> str:
     """Return the impacts of a cycle, one by one if they are few."""
     if len(speed) <= FEW:
         return "hits at " + listed([f"{v:.3g} m/s on {names[stop]}" for v, stop in zip(speed, cycle, strict=True)])
-    each = [f"{names[stop]} ({(cycle == stop).sum()})" for stop in np.unique(cycle)]
-    return f"hits at {speed.min():.3g} to {speed.max():.3g} m/s on {listed(each)}"
+    counts = [f"{names[stop]} ({(cycle == stop).sum()})" for stop in np.unique(cycle)]
+    return f"hits at {speed.min():.3g} to {speed.max():.3g} m/s on {listed(counts)}"
 
 
 def each_stop(dataset: xr.Dataset) -> Iterator[str]:
     """Yield a line for each stop of a system's motion that is struck or closed, and how many impacts were several.
 
-    Of compliant stops it holds the largest force, the longest contact and the deepest.
+    For compliant stops it holds the largest force, the longest contact and the deepest.
     """
-    whole = "impact_stop" in dataset
-    struck, speed = dataset["impact_stop" if whole else "stop"], dataset["impact_velocity" if whole else "velocity"]
+    simulated = "impact_stop" in dataset
+    struck, speed = (dataset[f"impact_{name}" if simulated else name] for name in ("stop", "velocity"))
     closed, impulse = dataset["stick_stop"].values, dataset["impulse"].values
     for name in dict.fromkeys([*dataset["stop"].values.tolist(), *closed.tolist()]):
-        on_it, rests = struck.values == name, int((closed == name).sum())
-        parts = [counted(int(on_it.sum()), "impact")]
-        if on_it.any():
-            hardest = quantity(float(speed.values[on_it].max()), "m/s", 4)
-            parts.append(f"up to {hardest} and {quantity(float(impulse[on_it].max()), 'N s', 4)}")
-        if contacts := list(_contacts(dataset.isel(impact=np.flatnonzero(on_it)))):
+        on_stop, rests = struck.values == name, int((closed == name).sum())
+        parts = [counted(int(on_stop.sum()), "impact")]
+        if on_stop.any():
+            hardest = quantity(float(speed.values[on_stop].max()), "m/s", 4)
+            parts.append(f"up to {hardest} and {quantity(float(impulse[on_stop].max()), 'N s', 4)}")
+        if contacts := list(_contacts(dataset.isel(impact=np.flatnonzero(on_stop)))):
             parts += contacts
-        elif whole:
+        elif simulated:
             least = float(dataset["clearance"].sel(stop=name).min())
             parts.append(f"clearance at least {quantity(least, 'm', 4)}")
         if rests:
             parts.append(f"closes {counted(rests, 'time')}")
         yield f"  {name}: {', '.join(parts)}"
-    if "simultaneous" in dataset and (several := int(dataset["simultaneous"].sum())):
-        yield f"  {counted(several, 'impact')} with other stops struck at the same instant"
+    if "simultaneous" in dataset and (number := int(dataset["simultaneous"].sum())):
+        yield f"  {counted(number, 'impact')} with other stops struck at the same instant"
 
 
 def _contacts(impacts: xr.Dataset) -> Iterator[str]:
@@ -84,11 +84,13 @@ def _contacts(impacts: xr.Dataset) -> Iterator[str]:
         yield f"{most[name]} {quantity(float(impacts[name].max()), impacts[name].attrs['units'], 4)}"
 
 
-def coordinates(dataset: xr.Dataset) -> list[Any]:
-    """Return the columns of displacements and velocities by which samples of a system are compared."""
-    found = []
+def moving_columns(dataset: xr.Dataset) -> list[Any]:
+    """Return the displacements and velocities of a system by which its samples are compared: those that move."""
+    columns: list[Any] = []
     for name in ("displacement", "velocity"):
         values = dataset[name].values
         sizes = np.abs(values).max(axis=0, initial=0.0)
-        found += [column for column, size in zip(values.T, sizes, strict=True) if size > STILL * sizes.max(initial=0.0)]
-    return found or [dataset["displacement"].values[:, 0]]
+        columns += [
+            column for column, size in zip(values.T, sizes, strict=True) if size > STILL * sizes.max(initial=0.0)
+        ]
+    return columns or [dataset["displacement"].values[:, 0]]

@@ -9,7 +9,7 @@ it, and the next value is tried.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +20,8 @@ from vibroimpact.cells import Floats
 from vibroimpact.coexistence.final import LATE, irregular, rests
 from vibroimpact.coexistence.measuring import Measured, Runner, carried, orbit_cell, orbit_cells, spread_cells
 from vibroimpact.motion import MotionClass
+from vibroimpact.verdict.brackets import ANY, CANDIDATES, ENDS, Bracket, Line, rounded
 from vibroimpact.verdict.branches import Branches, present_orbits
-from vibroimpact.verdict.lines import ANY, ENDS, TRIED, Line, Search, rounded
 from vibroimpact.verdict.present import EQUAL, Coexisting, Present, measure
 from vibroimpact.verdict.ranges import PLACES, Range
 
@@ -84,13 +84,12 @@ class Target:
         worst = max(motions, key=lambda motion: motion.max_velocity)
         return cls(worst.max_velocity, not all(motion.repeats for motion in motions), worst.chaotic)
 
-    def benefit(self, then: Iterable[Measured]) -> str:
+    def benefit(self, motions: Sequence[Measured]) -> str:
         """Return the benefit of a change after which these are the motions, or nothing.
 
-        Regular motions are not exchanged for chaos, nor chaos for harder hits. Rests that do not repeat are no chaos:
-        rounding may decide when they come.
+        Chaos in place of regular motions is no benefit, nor are harder hits in place of chaos. Rests that do not repeat
+        do not count as chaos: rounding may decide when they come.
         """
-        motions = list(then)
         hardest = max(map(hit, motions))
         if hardest == 0.0:
             return "no_impact"
@@ -109,7 +108,7 @@ def hit(motion: Measured) -> float:
 
 
 @dataclass(frozen=True)
-class Cycle:
+class CycleStates:
     """States of a present motion through its cycle: displacements in m, velocities in m/s and driving phases."""
 
     displacement: Floats
@@ -122,102 +121,97 @@ class Cycle:
         return cell.copies(len(phase)).carried(y, v, phase)
 
 
-def present_cycles(osc: Any, motions: Sequence[Coexisting], runner: Runner) -> list[Cycle]:
+def present_cycles(osc: Any, motions: Sequence[Coexisting], runner: Runner) -> list[CycleStates]:
     """Return the states of each motion at instants spread evenly over its cycle, or over 16 periods of chaos."""
-    found = []
+    cycles = []
     for motion in motions:
         periods = min(motion.n_periods or 16, INSTANTS)
-        often = math.ceil(INSTANTS / periods)
-        window = StroboscopicWindow(0, periods * often, None, often)
+        per_period = math.ceil(INSTANTS / periods)
+        window = StroboscopicWindow(0, periods * per_period, None, per_period)
         (samples,) = runner.samples(carried(osc, motion.start), window)
-        found.append(Cycle(samples.look_displacement, samples.look_velocity, samples.look_phase))
-    return found
+        cycles.append(CycleStates(samples.look_displacement, samples.look_velocity, samples.look_phase))
+    return cycles
 
 
 @dataclass(frozen=True)
-class Judge:
+class Trials:
     """Which benefit changes have, from initial conditions that depend on the design."""
 
     target: Target
     runner: Runner
-    cycles: Sequence[Cycle]
+    cycles: Sequence[CycleStates]
     orbits: Sequence[Any]
     branches: Branches
 
-    def glance(self, designs: Sequence[Any], wanted: Sequence[tuple[str, ...]]) -> list[str]:
+    def scan(self, designs: Sequence[Any], wanted: Sequence[tuple[str, ...]]) -> list[str]:
         """Return the benefit of each design, if wanted, from rest, the present motions, and then spread impacts."""
-        at_rest: Any = designs[0].cells_of(designs) if designs else None
-        return self._benefits(
-            [at_rest[at : at + 1] for at in range(len(designs))],
-            wanted,
-            lambda cell: [cell, *(cycle.cells(cell, INSTANTS) for cycle in self.cycles)],
-            lambda cell: [spread_cells(cell, SCOUTS)],
-        )
-
-    def _benefits(
-        self, designs: Sequence[Cells], wanted: Sequence[tuple[str, ...]], *stages: Callable[[Cells], list[Cells]]
-    ) -> list[str]:
+        if not designs:
+            return []
+        at_rest: Any = designs[0].cells_of(designs)
         motions: list[list[Measured]] = [[] for _ in designs]
         benefits = [""] * len(designs)
-        left = list(range(len(designs)))
-        for stage in stages:
-            cells = [Cells.join(stage(designs[at])) for at in left]
-            found = iter(measure(self.runner, Cells.join(cells), SCAN) if cells else ())
-            for at, part in zip(left, cells, strict=True):
-                motions[at] += [next(found) for _ in range(len(part))]
+        remaining = list(range(len(designs)))
+        for initial in (self._at_rest_and_present, _scouts):
+            cells = [initial(at_rest[at : at + 1]) for at in remaining]
+            measured = iter(measure(self.runner, Cells.join(cells), SCAN) if cells else ())
+            for at, part in zip(remaining, cells, strict=True):
+                motions[at] += [next(measured) for _ in range(len(part))]
                 benefit = self.target.benefit(motions[at])
                 benefits[at] = benefit if benefit in wanted[at] else ""
-            left = [at for at in left if benefits[at]]
+            remaining = [at for at in remaining if benefits[at]]
         return benefits
 
-    def settled(self, varied: Range, value: float) -> list[Measured]:
+    def _at_rest_and_present(self, cell: Cells) -> Cells:
+        return Cells.join([cell, *(cycle.cells(cell, INSTANTS) for cycle in self.cycles)])
+
+    def test(self, varied: Range, value: float) -> list[Measured]:
         """Return the motions from all initial conditions, or from as few as show that there is no benefit."""
         motions: list[Measured] = []
         tried: list[Cells] = []
-        for cells in self._starts(varied, value):
+        for cells in self._initial_conditions(varied, value):
             tried.append(cells)
             motions += measure(self.runner, cells, TEST)
             if not self.target.benefit(motions):
                 return motions
-        return self._watched(Cells.join(tried), motions)
+        return self._without_transients(Cells.join(tried), motions)
 
-    def _watched(self, cells: Cells, motions: list[Measured]) -> list[Measured]:
+    def _without_transients(self, cells: Cells, motions: list[Measured]) -> list[Measured]:
         """Return motions, those that look chaotic as what they end in, if the hardest of them is a transient."""
-        wild = [at for at, motion in enumerate(motions) if irregular(motion) and not rests(motion)]
-        if not wild:
+        chaotic = [at for at, motion in enumerate(motions) if irregular(motion) and not rests(motion)]
+        if not chaotic:
             return motions
-        hardest = max(wild, key=lambda at: hit(motions[at]))
+        hardest = max(chaotic, key=lambda at: hit(motions[at]))
         (late,) = measure(self.runner, cells[hardest : hardest + 1], LATE)
         if not irregular(late):
-            for at, motion in zip(wild, measure(self.runner, cells[np.array(wild)], LATE), strict=True):
+            for at, motion in zip(chaotic, measure(self.runner, cells[np.array(chaotic)], LATE), strict=True):
                 motions[at] = motion
         return motions
 
-    def _starts(self, varied: Range, value: float) -> Iterator[Cells]:
+    def _initial_conditions(self, varied: Range, value: float) -> Iterator[Cells]:
         """Yield initial conditions, a few of all kinds first: one on each orbit takes longer to find.
 
         A slow change leads along the branches of the present orbits.
         """
         design = varied.at(value)
         cell = design.cells({})
-        many = Cells.join([cell, spread_cells(cell), *(cycle.cells(cell) for cycle in self.cycles)])
-        number = len(many)
+        cells = Cells.join([cell, spread_cells(cell), *(cycle.cells(cell) for cycle in self.cycles)])
+        number = len(cells)
         mixed = np.argsort(np.arange(number) % FEW, kind="stable")
         first, *others = np.split(mixed, [number // FEW, number // 4, number // 2])
-        yield many[first]
-        if on := [orbit_cell(design, orbit) for orbit in self.branches.at(self.orbits, varied, value)]:
-            yield Cells.join(on)
+        yield cells[first]
+        if on_branches := [orbit_cell(design, orbit) for orbit in self.branches.at(self.orbits, varied, value)]:
+            yield Cells.join(on_branches)
         if of_one_impact := orbit_cells(design):
             yield Cells.join(of_one_impact)
-        yield from (many[some] for some in others)
+        yield from (cells[part] for part in others)
+
+
+def _scouts(cell: Cells) -> Cells:
+    return spread_cells(cell, SCOUTS)
 
 
 def advise(
-    present: Present,
-    motions: Sequence[Coexisting],
-    ranges: Sequence[Range],
-    runner: Runner,
-    branches: Branches | None = None,
+    present: Present, motions: Sequence[Coexisting], ranges: Sequence[Range], runner: Runner, branches: Branches
 ) -> tuple[Advice, ...]:
     """Return for each parameter the smallest change to gentler motions, and to none that hit; the smallest first."""
     reached = [motion for motion in motions if motion.reached]
@@ -225,82 +219,91 @@ def advise(
     if not 0.0 < target.hardest < math.inf:
         return ()
     cycles, orbits = present_cycles(present.oscillator, reached, runner), present_orbits(present, reached, runner)
-    judge = Judge(target, runner, cycles, orbits, Branches() if branches is None else branches)
-    varied = [each for each in ranges if not each.only_scales]
-    lines = [Line(each, path) for each in varied for direction in (-1, 1) if (path := each.path(direction, PLACES))]
-    _look_along(lines, judge)
-    good = [search for line in lines for wanted in (ANY, ENDS) if (search := Search(line, wanted)).begins()]
-    _refine(good, judge)
-    found = [_scaled(reached, each) for each in ranges if each.only_scales]
-    for each in ranges:
-        searches = [search for search in good if search.range is each]
-        first = _smallest([search for search in searches if search.wanted == ANY], judge)
-        if first is not None and first.benefit != "no_impact":
-            found.append(_smallest([search for search in searches if search.wanted == ENDS], judge))
-        found.append(first)
-    return tuple(sorted((advice for advice in found if advice is not None), key=lambda advice: abs(advice.change)))
+    trials = Trials(target, runner, cycles, orbits, branches)
+    searched = [varied for varied in ranges if not varied.only_scales]
+    lines = [Line(varied, path) for varied in searched for way in (-1, 1) if (path := varied.path(way, PLACES))]
+    _look_along(lines, trials)
+    brackets = [bracket for line in lines for wanted in (ANY, ENDS) if (bracket := line.bracket(wanted))]
+    _refine(brackets, trials)
+    advice = [_scaled(reached, varied) for varied in ranges if varied.only_scales]
+    for varied in searched:
+        of_any, of_ends = (
+            [bracket for bracket in brackets if bracket.range is varied and bracket.wanted == wanted]
+            for wanted in (ANY, ENDS)
+        )
+        smallest = _smallest(of_any, trials)
+        if smallest is not None and smallest.benefit != "no_impact":
+            advice.append(_smallest(of_ends, trials))
+        advice.append(smallest)
+    return tuple(sorted((change for change in advice if change is not None), key=lambda change: abs(change.change)))
 
 
-def _look_along(lines: Sequence[Line], judge: Judge) -> None:
+def _look_along(lines: Sequence[Line], trials: Trials) -> None:
     """Find the benefits along each line, and at values between where a change would be smaller than any with one.
 
     Windows with a benefit may be narrower than the steps; near the present value they matter most. Beyond several
     values with a benefit it matters only whether impacts end.
     """
-    paths, every = [line.values for line in lines], [ANY for _ in lines]
+    paths, any_benefit = [line.values for line in lines], [ANY for _ in lines]
     for line in lines:
         line.values = []
-    _look(lines, [path[:NEARER] for path in paths], every, judge)
-    _look(lines, [path[NEARER:] for path in paths], [ENDS if _enough(line, lines) else ANY for line in lines], judge)
+    _look(lines, [path[:NEARER] for path in paths], any_benefit, trials)
+    wanted = [ENDS if _enough(line, lines) else ANY for line in lines]
+    _look(lines, [path[NEARER:] for path in paths], wanted, trials)
     for _ in range(FINER):
-        _look(lines, [line.between(_change_of(line.range, lines))[: PLACES // 4] for line in lines], every, judge)
+        midpoints = [line.midpoints(_first_change(line.range, lines))[: PLACES // 4] for line in lines]
+        _look(lines, midpoints, any_benefit, trials)
 
 
 def _look(
-    lines: Sequence[Line], added: Sequence[Sequence[float]], wanted: Sequence[tuple[str, ...]], judge: Judge
+    lines: Sequence[Line], added: Sequence[Sequence[float]], wanted: Sequence[tuple[str, ...]], trials: Trials
 ) -> None:
     """Add values to each line, with the benefits there if these are wanted of it."""
-    there = [line.range.at(value) for line, values in zip(lines, added, strict=True) for value in values]
-    benefits = iter(judge.glance(there, [one for one, values in zip(wanted, added, strict=True) for _ in values]))
+    designs = [line.range.at(value) for line, values in zip(lines, added, strict=True) for value in values]
+    of_designs = [of_line for of_line, values in zip(wanted, added, strict=True) for _ in values]
+    benefits = iter(trials.scan(designs, of_designs))
     for line, values in zip(lines, added, strict=True):
         line.add(values, [next(benefits) for _ in values])
 
 
 def _enough(line: Line, lines: Sequence[Line]) -> bool:
     """Whether as many values of a line's parameter have a benefit as will be tried."""
-    number = sum(sum(map(bool, one.benefits)) for one in lines if one.range is line.range)
-    return number >= TRIED and _change_of(line.range, lines) < math.inf
+    number = sum(sum(map(bool, other.benefits)) for other in lines if other.range is line.range)
+    return number >= CANDIDATES and _first_change(line.range, lines) < math.inf
 
 
-def _change_of(varied: Range, lines: Sequence[Line]) -> float:
+def _first_change(varied: Range, lines: Sequence[Line]) -> float:
     """Return the smallest change of a parameter to where benefits begin on one of its lines."""
     both = [line for line in lines if line.range is varied]
-    first_values = [line.values[first] for line in both if (first := line.begin(ANY)) is not None]
+    first_values = [line.values[first] for line in both if (first := line.first(ANY)) is not None]
     return min((abs(varied.change(value)) for value in first_values), default=math.inf)
 
 
-def _refine(searches: Sequence[Search], judge: Judge) -> None:
-    for _ in range(HALVINGS if searches else 0):
-        middles = [search.range.between(search.inside, search.outside, 0.5) for search in searches]
-        there = [search.range.at(value) for search, value in zip(searches, middles, strict=True)]
-        benefits = judge.glance(there, [search.wanted for search in searches])
-        for search, middle, benefit in zip(searches, middles, benefits, strict=True):
+def _refine(brackets: Sequence[Bracket], trials: Trials) -> None:
+    for _ in range(HALVINGS):
+        middles = [bracket.range.between(bracket.inside, bracket.outside, 0.5) for bracket in brackets]
+        designs = [bracket.range.at(value) for bracket, value in zip(brackets, middles, strict=True)]
+        benefits = trials.scan(designs, [bracket.wanted for bracket in brackets])
+        for bracket, middle, benefit in zip(brackets, middles, benefits, strict=True):
             if benefit:
-                search.outside = middle
+                bracket.outside = middle
             else:
-                search.inside = middle
+                bracket.inside = middle
 
 
-def _smallest(searches: Sequence[Search], judge: Judge) -> Advice | None:
+def _smallest(brackets: Sequence[Bracket], trials: Trials) -> Advice | None:
     """Return the smallest change, rounded, whose benefit stands from all initial conditions."""
-    values = {value: search for search in searches for value in search.candidates()}
-    for value, search in sorted(values.items(), key=lambda pair: abs(pair[1].range.change(pair[0]))):
-        varied = search.range
-        motions = judge.settled(varied, value)
-        benefit, worst = judge.target.benefit(motions), max(motions, key=hit)
-        if benefit in search.wanted:
-            what = varied.name, value, varied.change(value), varied.of, benefit, worst.name
-            return Advice(*what, worst.hardest, judge.target.hardest, len(motions))
+    values = {value: bracket for bracket in brackets for value in bracket.candidates()}
+    for value, bracket in sorted(values.items(), key=lambda pair: abs(pair[1].range.change(pair[0]))):
+        varied = bracket.range
+        motions = trials.test(varied, value)
+        benefit, worst = trials.target.benefit(motions), max(motions, key=hit)
+        if benefit in bracket.wanted:
+            hardest, before = worst.hardest, trials.target.hardest
+            change = varied.change(value)
+            return Advice(
+                varied.name, value, change, varied.of, benefit, worst.name, hardest, before, tried=len(motions)
+            )
     return None
 
 
@@ -311,4 +314,4 @@ def _scaled(motions: Sequence[Coexisting], varied: Range) -> Advice | None:
     change, hardest = varied.change(value), value / varied.value * worst.max_velocity
     if hardest > SOFTER * worst.max_velocity:
         return None
-    return Advice(varied.name, value, change, varied.of, "softer", worst.name, hardest, worst.max_velocity, 0)
+    return Advice(varied.name, value, change, varied.of, "softer", worst.name, hardest, worst.max_velocity, tried=0)

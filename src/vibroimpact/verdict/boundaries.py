@@ -21,10 +21,10 @@ from vibroimpact.motion import MotionClass
 from vibroimpact.orbits.sticking import periods_from_release
 from vibroimpact.orbits.sticking_end import end_of_sticking
 from vibroimpact.status import Status
-from vibroimpact.verdict.branches import MOST, Branch, Branches
+from vibroimpact.verdict.branches import Branches, LazyBranch
 from vibroimpact.verdict.carried import SECTIONS, UNSURE, Track, carry
 from vibroimpact.verdict.edges import Edge, Side
-from vibroimpact.verdict.onsets import from_rest, from_some
+from vibroimpact.verdict.onsets import onset_from_rest, onset_from_some
 from vibroimpact.verdict.present import Coexisting, Present, measure
 from vibroimpact.verdict.ranges import CROWDED, Range
 from vibroimpact.verdict.searches import Search, together
@@ -40,71 +40,62 @@ def nearest_boundaries(
     present: Present,
     ranges: Sequence[Range],
     runner: Runner,
-    done: Callable[[], bool] = lambda: True,
+    branches: Branches,
     coexisting: Sequence[Coexisting] = (),
-    branches: Branches | None = None,
+    done: Callable[[], bool] = lambda: True,
 ) -> tuple[Edge, ...]:
     """Return the nearest boundary of a motion down and up each parameter; `done` is called for each, False stops.
 
     Where motions that hit coexist with one that does not, some initial conditions settle to impacts at the present
     value already. Where the state is more than an impact, only bifurcations are sought, and not what lies beyond.
     """
-    solved: list[Side | None] = []
-    branches = Branches() if branches is None else branches
-    for each in ranges:
-        solved += [_exact(present, Side(each, direction), branches) for direction in (-1, 1)]
+    solved: list[tuple[Side, Side | None]] = []
+    for varied in ranges:
+        sides = Side(varied, -1), Side(varied, 1)
+        solved += [(side, _exact(present, side, branches)) for side in sides]
         if not done():
             return ()
-    sides = [Side(each, direction) for each in ranges for direction in (-1, 1)]
     if not present.oscillator.forgets:  # no motion can be carried along by its impacts
-        found = (exact or replace(side, reached=math.nan) for side, exact in zip(sides, solved, strict=True))
-        return tuple(side.edge() for side in found)
-    unsolved = [side for side, exact in zip(sides, solved, strict=True) if exact is None]
-    bisected = iter(_bisected(present, unsolved, runner))
-    whole = [exact or next(bisected) for exact in solved]
-    if present.measured.motion_class in (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER):
-        whole = _with_onsets(present, whole, runner, any(motion.max_velocity > 0.0 for motion in coexisting))
-    return _with_beyond(whole, present.measured.group, runner)
+        return tuple((exact or replace(side, reached=math.nan)).edge() for side, exact in solved)
+    bisected = iter(_bisected(present, [side for side, exact in solved if exact is None], runner))
+    bounded = [exact or next(bisected) for _, exact in solved]
+    # Else rounding decides how long impacts last, at the present value and all around, or passing ones have no end.
+    decided = not present.final.ends and present.oscillator.damping > 0.0
+    if present.measured.motion_class in (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER) and decided:
+        hit_already = any(motion.max_velocity > 0.0 for motion in coexisting)
+        bounded = together([_with_onsets(present, side, hit_already) for side in bounded], runner)
+    return _with_beyond(bounded, present.measured.group, runner)
 
 
-def _with_onsets(present: Present, found: Sequence[Side], runner: Runner, already: bool) -> list[Side]:
-    """Return the boundaries of a motion without impacts, and from where on others hit, if some do not do so already."""
-    if present.final.ends:
-        return list(found)  # rounding decides how long impacts last, at the present value and all around
-    if present.oscillator.damping == 0.0:
-        return list(found)  # passing impacts have no end
-    return together([_others(present, side, already) for side in found], runner)
-
-
-def _others(present: Present, side: Side, already: bool) -> Search[Side]:
-    """Return a boundary of a motion without impacts with the onsets of others, which need a force to last."""
+def _with_onsets(present: Present, side: Side, hit_already: bool) -> Search[Side]:
+    """Return a boundary of a motion without impacts, and from where on others hit, which need a force to last."""
     if not side.has_room or side.range.at(side.end).amplitude == 0.0:
         return side
     at_present = side.onset(side.range.value)
     if present.measured.motion_class == MotionClass.STUCK_FOREVER:  # at rest at the stop is where it is
-        rest = side.onset(side.value, start=side.start) if math.isfinite(side.value) else None
-        passing = rest
+        from_rest = side.onset(side.value, start=side.start) if math.isfinite(side.value) else None
+        strikes = from_rest
     else:
-        rest = yield from from_rest(side)
-        strikes = present.measured.status != Status.NO_IMPACT
-        passing = at_present if strikes else (yield from from_rest(side, lasting=False))
-    some = at_present if already else (yield from from_some(side, rest))
-    return replace(side, onsets=(passing, rest, some))
+        from_rest = yield from onset_from_rest(side)
+        strikes_already = present.measured.status != Status.NO_IMPACT
+        strikes = at_present if strikes_already else (yield from onset_from_rest(side, lasting=False))
+    from_some = at_present if hit_already else (yield from onset_from_some(side, from_rest))
+    return replace(side, onsets=(strikes, from_rest, from_some))
 
 
-def _with_beyond(found: Sequence[Side], group: tuple[str, int, int], runner: Runner) -> tuple[Edge, ...]:
+def _with_beyond(sides: Sequence[Side], group: tuple[str, int, int], runner: Runner) -> tuple[Edge, ...]:
     """Return the boundaries as callers see them, with the motion a little beyond each, or else right beyond it."""
-    values = [boundary.beyond_at() for boundary in found]
+    values = [side.beyond_at() for side in sides]
     beyond = [i for i, value in enumerate(values) if not math.isnan(value)]
-    there = [found[i].range.changed(values[i]) for i in beyond]
-    motions = measure(runner, cells_of(there, [found[i].start for i in beyond]), ACROSS) if beyond else []
+    designs = [sides[i].range.changed(values[i]) for i in beyond]
+    motions = measure(runner, cells_of(designs, [sides[i].start for i in beyond]), ACROSS) if beyond else []
     edges = [
-        boundary.edge(boundary.beyond, value if math.isnan(boundary.outside) else boundary.outside)
-        for boundary, value in zip(found, values, strict=True)
+        side.edge(side.beyond, value if math.isnan(side.outside) else side.outside)
+        for side, value in zip(sides, values, strict=True)
     ]
     for i, motion in zip(beyond, motions, strict=True):
-        if motion.motion_class not in UNSURE and (found[i].half_width == 0.0 or motion.group != group):
-            edges[i] = found[i].edge(motion.name, values[i])
+        if motion.motion_class not in UNSURE and (sides[i].half_width == 0.0 or motion.group != group):
+            edges[i] = sides[i].edge(motion.name, values[i])
     return tuple(edges)
 
 
@@ -120,7 +111,7 @@ def _exact(present: Present, side: Side, branches: Branches) -> Side | None:
     if present.orbit.sticks:
         return _end_of_sticking(present, side)
     try:
-        return bifurcation(branches.of(present.orbit, side.range, side.direction), side)
+        return _bifurcation(branches.of(present.orbit, side.range, side.direction), side)
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return None  # the branch runs where its equations have no meaning
 
@@ -131,15 +122,14 @@ def _start_of(orbit: Any) -> Start:
     return Start(0.0, orbit.velocities[hit], orbit.phases[hit])
 
 
-def bifurcation(branch: Branch, side: Side) -> Side | None:
+def _bifurcation(branch: LazyBranch, side: Side) -> Side | None:
     """Follow the branch of an orbit until it folds, doubles, grazes or strikes two stops at once."""
-    while branch.goes_on(MOST):
-        way = branch.way
-        for special in way.special if way else []:
-            at = special.orbit
-            if at.admissible:
-                kind = "period_halving" if at.n_periods < branch.orbit.n_periods else special.kind
-                return replace(side, kind=kind, value=special.value, start=_start_of(at))
+    while branch.goes_on():
+        for special in branch.way.special if branch.way else []:
+            orbit = special.orbit
+            if orbit.admissible:
+                kind = "period_halving" if orbit.n_periods < branch.orbit.n_periods else special.kind
+                return replace(side, kind=kind, value=special.value, start=_start_of(orbit))
     way = branch.way
     if way is not None and way.end == "impacts_merge":
         last = way.points[-1]
@@ -191,15 +181,15 @@ def _closed_form(side: Side, kind: str, margin: Callable[[Any], float]) -> Side:
     """
     varied = side.range
 
-    def there(value: float) -> float:
+    def margin_at(value: float) -> float:
         return margin(varied.at(value))
 
-    inside, outside = _first_negative(there, [varied.value, *side.path(SCANNED)])
+    inside, outside = _first_negative(margin_at, [varied.value, *varied.path(side.direction, SCANNED)])
     if math.isnan(outside):
         return side
     narrow = 1e-17 * varied.scale
     while abs(outside - inside) > narrow and (middle := 0.5 * (inside + outside)) not in (inside, outside):
-        if there(middle) >= 0.0:
+        if margin_at(middle) >= 0.0:
             inside = middle
         else:
             outside = middle
@@ -246,8 +236,8 @@ def _bisected(present: Present, sides: Sequence[Side], runner: Runner) -> list[S
         Track(side.range, side.range.value, side.end, lambda motion: motion.group == group, present.start, CROWDED)
         for side in sides
     ]
-    ended = together([carry(track) for track in tracks], runner)
-    return [_ended(side, track) for side, track in zip(sides, ended, strict=True)]
+    together([carry(track) for track in tracks], runner)
+    return [_ended(side, track) for side, track in zip(sides, tracks, strict=True)]
 
 
 def _ended(side: Side, track: Track) -> Side:
@@ -256,6 +246,6 @@ def _ended(side: Side, track: Track) -> Side:
         return replace(side, spacing=track.widest, reached=track.inside)
     inside, outside = track.inside, track.outside
     middle, half = 0.5 * (inside + outside), 0.5 * abs(outside - inside)
-    there = track.beyond.name if track.beyond.motion_class != MotionClass.UNDECIDED else ""
+    beyond = track.beyond.name if track.beyond.motion_class != MotionClass.UNDECIDED else ""
     change = replace(side, kind="change", value=middle, half_width=half, spacing=track.widest, start=track.start)
-    return replace(change, beyond=there, outside=outside)
+    return replace(change, beyond=beyond, outside=outside)

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.backends import ImpactWindow
-from vibroimpact.coexistence.measuring import HARDLY_EVER, Runner, carried
+from vibroimpact.coexistence.measuring import Runner, carried
 from vibroimpact.coexistence.systems import solved
 from vibroimpact.continuation.branch import walk
 from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import Way
 from vibroimpact.orbits.orbit import Impacts
 from vibroimpact.orbits.systems import ended
-from vibroimpact.verdict.present import LONGEST, Coexisting, Present, stable_cycle
+from vibroimpact.verdict.present import MOST_IMPACTS, Coexisting, Present, stable_cycle
 from vibroimpact.verdict.ranges import Range
 
 STEP = 0.01  # of the range, a period, or the speed: the longest step along a branch of one mass near a bifurcation
@@ -31,28 +31,30 @@ WHOLE = 1e-6  # of a period, or a change: what differs by less is one
 
 def present_orbits(present: Present, motions: Sequence[Coexisting], runner: Runner) -> list[Any]:
     """Return the stable orbits that the present motions are on: of those that repeat and do not rest at a stop."""
-    found = (present.orbit if one.from_rest else _orbit_of(present, one, runner) for one in motions)
-    return [orbit for orbit in found if orbit is not None and not orbit.sticks]
+    orbits = (present.orbit if motion.from_rest else _orbit_of(present, motion, runner) for motion in motions)
+    return [orbit for orbit in orbits if orbit is not None and not orbit.sticks]
 
 
 def _orbit_of(present: Present, motion: Coexisting, runner: Runner) -> Any:
     """Return the orbit that a coexisting motion is on, solved for from its impacts; None where that is not possible."""
     n, oscillator = motion.n_periods, present.oscillator
-    if not motion.max_velocity or not 0 < n <= HARDLY_EVER:
+    if not (motion.max_velocity and motion.repeats):
         return None
     samples: Any
-    (samples,) = runner.samples(carried(oscillator, motion.start), ImpactWindow(0, LONGEST + 1))
+    (samples,) = runner.samples(carried(oscillator, motion.start), ImpactWindow(0, MOST_IMPACTS + 1))
     turns, speeds = samples.impact_periods + samples.impact_phase, samples.impact_velocity
-    p = int(np.searchsorted(turns, turns[0] + n - WHOLE)) if len(turns) == LONGEST + 1 else LONGEST + 1
-    if p > LONGEST:
+    if len(turns) <= MOST_IMPACTS:
+        return None
+    p = int(np.searchsorted(turns, turns[0] + n - WHOLE))
+    if p > MOST_IMPACTS:
         return None
     if oscillator.forgets:
         return stable_cycle(present.model, n, p, Impacts(samples.impact_phase[:p], speeds[:p]))
     return solved(present.model, n, samples.impact_stop[:p], turns[:p], speeds[:p], ended(oscillator, samples))
 
 
-class Branch:
-    """A branch of an orbit along a parameter in one direction, followed only as far as it was asked for."""
+class LazyBranch:
+    """A branch of an orbit along a parameter in one direction, followed only as far as is needed."""
 
     def __init__(self, orbit: Any, varied: Range, direction: int) -> None:
         self.orbit, self.varied, self.direction = orbit, varied, direction
@@ -64,9 +66,9 @@ class Branch:
         equations, z = equations_of(self.orbit, (self.varied.name,), ((self.varied.low, self.varied.high),))
         yield from walk(equations, equations.pack(z), longest, False, self.direction, round(STRIDE / longest))
 
-    def goes_on(self, most: int) -> bool:
-        """Follow the branch by one point more, for so many orbits times impacts; return whether it goes on."""
-        if self.way is not None and len(self.way.points) * self.orbit.n_impacts > most:
+    def goes_on(self) -> bool:
+        """Follow the branch by one point more, as far as it is solved for; return whether it goes on."""
+        if self.way is not None and len(self.way.points) * self.orbit.n_impacts > MOST:
             return False
         following = next(self._ways, None)
         self.way = following or self.way
@@ -77,17 +79,17 @@ class Branch:
 
         A branch that turns and comes back past its beginning is left: what is stable there is a present motion itself.
         """
-        while not self._passes(value) and self.goes_on(MOST):
+        while not self._passes(value) and self.goes_on():
             pass
         pairs = pairwise(self.way.points if self.way else [])
-        found = [self._crossing(a, b, value) for a, b in pairs if a.equations is b.equations]
-        return [orbit for orbit in found if orbit is not None and orbit.stable and orbit.admissible]
+        orbits = [self._crossing(a, b, value) for a, b in pairs if a.equations is b.equations]
+        return [orbit for orbit in orbits if orbit is not None and orbit.stable and orbit.admissible]
 
     def _passes(self, value: float) -> bool:
         """Whether the branch has passed a value, or comes back past its beginning."""
         present, points = self.varied.value, self.way.points if self.way else []
-        ways = [(point.value - present) / (value - present) for point in points]
-        return bool(ways) and (max(ways) >= 1.0 or min(ways) < -WHOLE)
+        shares = [(point.value - present) / (value - present) for point in points]
+        return bool(shares) and (max(shares) >= 1.0 or min(shares) < -WHOLE)
 
     def _crossing(self, a: Any, b: Any, value: float) -> Any:
         """Return the orbit at a value between two points, or None where that is not between them."""
@@ -95,26 +97,26 @@ class Branch:
         if not min(low, high) <= value <= max(low, high) or low == high:
             return None
         x = a.x + (value - low) / (high - low) * (b.x - a.x)
-        found, converged, _ = a.equations.newton(x, np.eye(len(x))[-1])
-        return a.equations.orbit(found) if converged else None
+        solution, corrections, _ = a.equations.newton(x, np.eye(len(x))[-1])
+        return a.equations.orbit(solution) if corrections else None
 
 
-class Branches(dict[tuple[int, str, int], Branch]):
-    """The branches of orbits along parameters that were asked for."""
+class Branches(dict[tuple[int, str, int], LazyBranch]):
+    """The branches of orbits along parameters that were needed so far."""
 
-    def of(self, orbit: Any, varied: Range, direction: int) -> Branch:
+    def of(self, orbit: Any, varied: Range, direction: int) -> LazyBranch:
         """Return the branch of an orbit downwards (-1) or upwards (+1) along a parameter."""
         key = id(orbit), varied.name, direction  # the branch keeps the orbit, and so its number
         if key not in self:
-            self[key] = Branch(orbit, varied, direction)
+            self[key] = LazyBranch(orbit, varied, direction)
         return self[key]
 
     def at(self, orbits: Sequence[Any], varied: Range, value: float) -> list[Any]:
         """Return the stable, admissible orbits on the branches of some at a value of a parameter."""
-        found: list[Any] = []
+        reached: list[Any] = []
         for orbit in orbits:
             try:
-                found += self.of(orbit, varied, 1 if value > varied.value else -1).at(value)
+                reached += self.of(orbit, varied, 1 if value > varied.value else -1).at(value)
             except (ArithmeticError, ValueError, np.linalg.LinAlgError):
                 continue  # it runs where its equations have no meaning
-        return found
+        return reached

@@ -16,8 +16,7 @@ from vibroimpact.motion import MotionClass
 from vibroimpact.verdict.ranges import PLACES, Range
 from vibroimpact.verdict.searches import Search, followed, measured
 
-HALVINGS = 12  # of the step in which the motion changes
-NARROW = 0.5**HALVINGS / PLACES  # of a path
+NARROW = 0.5**12 / PLACES  # of a path: how closely the end of a motion is bisected
 SECTIONS, ROUNDS = 16, 4  # of a step that is searched from one state, and how often
 STATES, APART = 4, 317  # of a motion from which it may go on, and how many impacts lie between two of them
 FURTHER = 300  # impacts after which a motion is carried on from its state
@@ -47,31 +46,19 @@ class Track:
     barrier: float = math.nan
     step: float = 1.0 / PLACES
     widest: float = 0.0
-    missed: int = 0
+    missed_basins: int = 0
     done: bool = False
     beyond: Measured | None = None
-    behind: list[tuple[float, Start | None]] = field(default_factory=list)
+    history: list[tuple[float, Start | None]] = field(default_factory=list)
 
     def at(self, place: float) -> float:
         """Return the value at a place."""
         return self.range.between(self.first, self.end, place**self.crowded) if place < 1.0 else self.end
 
     @property
-    def next(self) -> float:
-        """The place to look at next."""
-        if math.isnan(self.barrier):
-            return min(self.place + self.step, 1.0)
-        return 0.5 * (self.place + self.barrier)
-
-    @property
     def close(self) -> bool:
         """Whether the motion has been followed close to where it is another."""
         return self.barrier - self.place <= NARROW
-
-    @property
-    def ends(self) -> bool:
-        """Whether the motion was seen to become another."""
-        return self.beyond is not None
 
     @property
     def inside(self) -> float:
@@ -83,48 +70,48 @@ class Track:
         """The value at which it is another."""
         return self.at(self.barrier)
 
-    def go(self, place: float, start: Start | None) -> None:
+    def move_to(self, place: float, start: Start | None) -> None:
         """Take the motion to a place."""
         self.widest = max(self.widest, abs(self.range.change(self.at(place)) - self.range.change(self.inside)))
-        self.behind.append((self.place, self.start))
+        self.history.append((self.place, self.start))
         self.place, self.start = place, start or self.start
         self.done = place >= 1.0
 
-    def go_on(self, start: Start | None) -> None:
+    def pass_barrier(self, start: Start | None) -> None:
         """Take the motion past a place at which it only seemed to be another."""
-        self.go(self.barrier, start)
+        self.move_to(self.barrier, start)
         self.barrier, self.step = math.nan, 8.0 * NARROW
-        self.missed += 1
-        self.done = self.done or self.missed > MISSED
+        self.missed_basins += 1
+        self.done = self.done or self.missed_basins > MISSED
 
     def cells(self, states: Sequence[tuple[float, Start | None]]) -> Cells:
         """Return the cells that start at places from states."""
-        there = [self.range.changed(self.at(place)) for place, _ in states]
-        return cells_of(there, [start for _, start in states])
+        designs = [self.range.changed(self.at(place)) for place, _ in states]
+        return cells_of(designs, [start for _, start in states])
 
-    def still(self, motion: Measured) -> bool:
+    def may_be_same(self, motion: Measured) -> bool:
         """Return whether a motion may be the one that is followed."""
         return motion.motion_class in UNSURE or self.same(motion)
 
 
-def carry(track: Track) -> Search[Track]:
+def carry(track: Track) -> Search[None]:
     """Carry a motion to where it becomes another, or to the end of its path."""
     while not track.done:
-        yield from (_look_closely if track.close else _go)(track)
-    return track
+        yield from (_look_closely if track.close else _step)(track)
 
 
-def _go(track: Track) -> Search[None]:
+def _step(track: Track) -> Search[None]:
     """Carry a motion to its next place, and see whether it is still the same."""
-    place = track.next
+    bisecting = not math.isnan(track.barrier)
+    place = 0.5 * (track.place + track.barrier) if bisecting else min(track.place + track.step, 1.0)
     cell = track.cells([(place, track.start)])
     (motion,) = yield measured(cell, BRIEF)
-    if not track.still(motion):
+    if not track.may_be_same(motion):
         track.barrier = place
         return
     (state,) = yield followed(cell, FURTHER)
-    track.go(place, state)
-    if math.isnan(track.barrier):
+    track.move_to(place, state)
+    if not bisecting:
         track.step = min(2.0 * track.step, 1.0 / PLACES)
 
 
@@ -133,8 +120,8 @@ def _look_closely(track: Track) -> Search[None]:
 
     One state may miss the motion's own basin where another of the same motion does not.
     """
-    behind = track.behind[-1] if track.behind else (track.place, track.start)
-    states = yield from _states(track, *behind)
+    before = track.history[-1] if track.history else (track.place, track.start)
+    states = yield from _states(track, *before)
     start, _ = yield from _same_from(track, track.place, states, track.same)
     if start is None:
         yield from _look_back(track)
@@ -143,12 +130,12 @@ def _look_closely(track: Track) -> Search[None]:
     if track.done or not track.close:
         return
     states = yield from _states(track, track.place, track.start)
-    start, motion = yield from _same_from(track, track.barrier, states, track.still)
+    start, motion = yield from _same_from(track, track.barrier, states, track.may_be_same)
     if start is None:
         track.beyond, track.done = motion, True
         return
     (state,) = yield followed(track.cells([(track.barrier, start)]), FURTHER)
-    track.go_on(state)
+    track.pass_barrier(state)
 
 
 def _states(track: Track, place: float, start: Start | None) -> Search[list[Start | None]]:
@@ -168,10 +155,10 @@ def _same_from(
     With it comes the motion from there, or from the first state.
     """
     motions = yield measured(track.cells([(place, state) for state in states]), LONG)
-    right = [same(motion) for motion in motions]
-    if not any(right) or (track.lasts and not all(right)):
+    are_same = [same(motion) for motion in motions]
+    if not any(are_same) or (track.lasts and not all(are_same)):
         return None, motions[0]
-    first = right.index(True)
+    first = are_same.index(True)
     return states[first], motions[first]
 
 
@@ -180,14 +167,14 @@ def _look_back(track: Track) -> Search[None]:
 
     It is followed as far as it surely is the same, and ends where it surely is another.
     """
-    states = [*track.behind, (track.place, track.start), (track.barrier, track.start)]
+    states = [*track.history, (track.place, track.start), (track.barrier, track.start)]
     window, rounds = (LONGEST, ROUNDS // 2) if track.lasts else (LONG, ROUNDS)
     for _ in range(rounds):
         motions = yield measured(track.cells(states), window)
-        ended = next((i for i, motion in enumerate(motions) if i and not track.still(motion)), None)
+        ended = next((i for i, motion in enumerate(motions) if i and not track.may_be_same(motion)), None)
         if ended is None:  # nowhere is it surely another
             if track.beyond is None:
-                track.go_on(track.start)
+                track.pass_barrier(track.start)
             return
         sure = next((i for i in range(ended - 1, 0, -1) if track.same(motions[i])), 0)
         (track.place, track.start), (track.barrier, _), track.beyond = states[sure], states[ended], motions[ended]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,13 +23,13 @@ from vibroimpact.dataset import (
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.model import Model
 from vibroimpact.options import Tolerances
-from vibroimpact.parameters import Parameter, invalid, several
+from vibroimpact.parameters import Parameter, hertz, invalid, several
 from vibroimpact.progress import Report, reporter
 from vibroimpact.status import Status
-from vibroimpact.verdict.changes import advice_words, onset_words
+from vibroimpact.verdict.changes import advice_text, onset_texts
 from vibroimpact.verdict.describe import Verdict, describe
 from vibroimpact.verdict.edges import BOUNDARIES, ONSETS, Edge
-from vibroimpact.verdict.ranges import percent, range_of
+from vibroimpact.verdict.ranges import percent, present_value
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,17 +63,17 @@ class Comparison:
             star = " *" if a != b else ""
             yield _labelled(parameter.long_name, parameter.unit) + star, _number(a), _number(b)
             if parameter.unit == "rad/s":
-                hertz = _labelled(parameter.long_name.replace("angular ", ""), "Hz")
-                yield hertz + star, _number(a / (2.0 * math.pi)), _number(b / (2.0 * math.pi))
+                frequency = _labelled(parameter.long_name.replace("angular ", ""), "Hz")
+                yield frequency + star, _number(hertz(a)), _number(hertz(b))
         yield "motion, from rest", first.motion.name, second.motion.name
         yield "hardest hit, from rest [m/s]", _number(first.max_velocity), _number(second.max_velocity)
         yield "hardest hit, from any initial condition [m/s]", _worst(first), _worst(second)
         for name in INDICES:
             yield _labelled(*VARIABLES[name][:2]), _index(first, name), _index(second, name)
         yield "mean power lost [W]", _number(first.power), _number(second.power)
-        for one, other in zip(first.boundaries, second.boundaries, strict=False):
-            side = "below" if one.direction < 0 else "above"
-            yield f"{one.parameter}, boundary {side}", _boundary(first, one), _boundary(second, other)
+        for edge, other in zip(first.boundaries, second.boundaries, strict=False):
+            side = "below" if edge.direction < 0 else "above"
+            yield f"{edge.parameter}, boundary {side}", _boundary(first, edge), _boundary(second, other)
         yield "coexisting motions", _others(first), _others(second)
 
     def _parameters(self) -> Iterator[tuple[Parameter, tuple[float, float]]]:
@@ -82,13 +83,13 @@ class Comparison:
             models = [verdict.oscillator for verdict in self.verdicts]
         first, second = (model.values for model in models)
         for name in dict.fromkeys([*first, *second]):
-            owner = models[0] if name in first else models[1]
-            yield owner.parameters[name], (first.get(name, math.nan), second.get(name, math.nan))
+            model = models[0] if name in first else models[1]
+            yield model.parameters[name], (first.get(name, math.nan), second.get(name, math.nan))
 
     def _advice(self) -> Iterator[str]:
         for name, verdict in zip(self.names, self.verdicts, strict=True):
             if verdict.advice:
-                yield f"to soften the impacts of {name}: {advice_words(verdict.model, verdict.advice[0])}"
+                yield f"to soften the impacts of {name}: {advice_text(verdict.model, verdict.advice[0])}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return both verdicts as plain dictionaries, ready for JSON."""
@@ -179,12 +180,12 @@ def _index(verdict: Verdict, name: str) -> str:
 def _boundary(verdict: Verdict, edge: Edge) -> str:
     if edge.at_once:
         return f"at once ({edge.what})"
-    others = [f"{what} {onset.value:.5g}" for onset, what in onset_words(edge)]
+    onsets = [f"{what} {onset.value:.5g}" for onset, what in onset_texts(edge)]
     if not edge.found:
         end = "not sought" if edge.not_sought else f"none to {edge.searched_to:.4g}"
-        return f"{end} ({', '.join(others)})" if others else end
-    change = range_of(verdict.model, edge.parameter, 1.0).percent(edge.value)
-    about = ", ".join([f"{'-' if edge.direction < 0 else '+'}{change}", edge.what, *others])
+        return f"{end} ({', '.join(onsets)})" if onsets else end
+    change = present_value(verdict.model, edge.parameter).percent(edge.value)
+    about = ", ".join([f"{'-' if edge.direction < 0 else '+'}{change}", edge.what, *onsets])
     return f"{edge.value:.6g} ({about})"
 
 
@@ -250,19 +251,26 @@ def compare(
     >>> str(compare(slow, fast, names=("slow", "fast"), parameters=[])).splitlines()[5].split()
     ['angular', 'driving', 'frequency', '[rad/s]', '*', '1.4', '2']
     """
-    first, second = _two_names(names)
+    pair = _two_names(names)
     varied = None if parameters is None else several("parameters", parameters, "a list of names")
-    verdicts = []
     with reporter(progress, "parts") as report:
-        for before, osc in enumerate((a, b)):
 
-            def tally(done: int, total: int, _: Any, before: int = before) -> Any:
-                return report(before * total + done, 2 * total, None)
+        def tally(before: int, done: int, total: int, _: Any) -> Any:
+            """Report the parts of a verdict, so many verdicts `before` it."""
+            return report(before * total + done, 2 * total, None)
 
-            verdicts.append(
-                describe(osc, parameters=varied, within=within, tolerances=tolerances, workers=workers, progress=tally)
+        first, second = (
+            describe(
+                design,
+                parameters=varied,
+                within=within,
+                tolerances=tolerances,
+                workers=workers,
+                progress=partial(tally, before),
             )
-    return Comparison((first, second), (verdicts[0], verdicts[1]))
+            for before, design in enumerate((a, b))
+        )
+    return Comparison(pair, (first, second))
 
 
 def _two_names(names: Any) -> tuple[str, str]:

@@ -17,9 +17,9 @@ from vibroimpact.verdict.advice import Advice, advise
 from vibroimpact.verdict.boundaries import nearest_boundaries
 from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.edges import Edge
-from vibroimpact.verdict.present import EQUAL, Coexisting, Present, coexisting_motions, dearest, present_motion
+from vibroimpact.verdict.present import EQUAL, Coexisting, Present, coexisting_motions, present_motion, step_limit
 from vibroimpact.verdict.ranges import Range, check_parameters, check_within, range_of
-from vibroimpact.verdict.text import lines
+from vibroimpact.verdict.text import verdict_lines
 
 BESIDE = 3  # parts of the work besides one per parameter
 
@@ -117,7 +117,7 @@ class Verdict:
         return share if share >= EQUAL else 0.0
 
     def __str__(self) -> str:
-        return "\n".join(lines(self))
+        return "\n".join(verdict_lines(self))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain dictionaries, lists, numbers and text, ready for JSON: NaN as None, infinity as "-inf"."""
@@ -211,7 +211,7 @@ def describe(
     to, and, of a periodic motion that does not rest at a stop, the nearest fold, period doubling, Neimark-Sacker point,
     pitchfork and graze along each parameter, followed in steps of 2 % of its range or up to 8 % far from them. At a
     graze of a compliant stop the motion gains or loses a contact; it goes on, and smoothly if the stop has no damping.
-    Advice is that of one mass; of one impact are orbits on any stop, and spread impacts are those of `attractors`.
+    Advice is sought as for one mass, with the orbits of one impact on any stop and the spread impacts of `attractors`.
     Seconds per parameter; a minute or two where the motion is chaotic.
 
     Examples
@@ -225,8 +225,8 @@ def describe(
     ('period_doubling', 1.258962235, 'exact')
     """
     check_model(osc)
-    far = check_within(within)
-    ranges = [range_of(osc, name, far) for name in check_parameters(osc, parameters)]
+    reach = check_within(within)
+    ranges = [range_of(osc, name, reach) for name in check_parameters(osc, parameters)]
     runner = Runner("cpu", tolerances, workers)
     parts = len(ranges) + BESIDE
     with reporter(progress, "parts") as report:
@@ -236,10 +236,10 @@ def describe(
             return report(next(done), parts, None) is not False
 
         present = present_motion(osc, runner)
-        found: dict[str, Any] = {}
-        runner.most = runner.steps + dearest(present.oscillator)
+        surroundings: dict[str, Any] = {}
+        runner.most = runner.steps + step_limit(present.oscillator)
         try:
-            complete = _describe(present, ranges, runner, going, found)
+            complete = _look_around(present, ranges, runner, going, surroundings)
         except SpentError:
             complete = False
     return Verdict(
@@ -257,23 +257,23 @@ def describe(
         cells=runner.measured,
         steps=runner.steps,
         stops=present.attractor.stops if present.attractor else (),
-        **found,
+        **surroundings,
     )
 
 
-def _describe(
-    present: Present, ranges: Sequence[Range], runner: Runner, going: Callable[[], bool], found: dict[str, Any]
+def _look_around(
+    present: Present, ranges: Sequence[Range], runner: Runner, going: Callable[[], bool], fields: dict[str, Any]
 ) -> bool:
-    """Find what is around a motion, part by part, while it is `going`; return whether all was found."""
+    """Fill the fields of a verdict on what is around a motion, while it is `going`; return whether all are complete."""
     if not going():
         return False
-    found["attractors"] = coexisting_motions(present, runner)
+    fields["attractors"] = coexisting_motions(present, runner)
     if not going():
         return False
     branches = Branches()
-    found["boundaries"] = nearest_boundaries(present, ranges, runner, going, found["attractors"], branches)
-    if len(found["boundaries"]) < 2 * len(ranges):
+    fields["boundaries"] = nearest_boundaries(present, ranges, runner, branches, fields["attractors"], going)
+    if len(fields["boundaries"]) < 2 * len(ranges):
         return False
-    found["advice"] = advise(present, found["attractors"], ranges, runner, branches)
+    fields["advice"] = advise(present, fields["attractors"], ranges, runner, branches)
     going()
     return True

@@ -146,7 +146,7 @@ class Side:
     """A range in one direction, and what bounds the motion there, before one has looked beyond it.
 
     `start` is what to carry across; `reached` is as far as the motion could be followed, if not to the end of the
-    range. `beyond` is a motion seen at `outside` already, and `onsets` are those of the `Edge`.
+    range. `beyond` is a motion computed at `outside` already, and `onsets` are those of the `Edge`.
     """
 
     range: Range
@@ -159,7 +159,7 @@ class Side:
     reached: float | None = None
     beyond: str = ""
     outside: float = math.nan
-    onsets: tuple[Onset | None, ...] = (None, None, None)
+    onsets: tuple[Onset | None, Onset | None, Onset | None] = (None, None, None)
 
     @property
     def end(self) -> float:
@@ -176,10 +176,6 @@ class Side:
         """Where the motion itself ends, or the range."""
         return self.end if self.kind == "none" else self.value
 
-    def path(self, number: int) -> list[float]:
-        """Return values from beside the present one to the end of the range."""
-        return self.range.path(self.direction, number)
-
     def beyond_at(self) -> float:
         """Return a value a little beyond the boundary, NaN where the range ends first."""
         if self.kind == "none":
@@ -195,7 +191,21 @@ class Side:
         return Onset(value, self.range.change(value), half_width, spacing, start)
 
     def edge(self, beyond: str = "", at: float = math.nan) -> Edge:
-        """Return the boundary as callers see it, with the motion beyond and where that was seen."""
-        change, end = self.range.change(self.value), self.end if self.reached is None else self.reached
-        what = self.range.name, self.direction, self.kind, self.value, change, self.range.of, self.half_width
-        return Edge(*what, beyond, at, end, self.spacing, *self.onsets)
+        """Return the boundary as callers see it, with the motion beyond and the value at which that was computed."""
+        strikes, from_rest, from_some = self.onsets
+        return Edge(
+            parameter=self.range.name,
+            direction=self.direction,
+            kind=self.kind,
+            value=self.value,
+            change=self.range.change(self.value),
+            of=self.range.of,
+            half_width=self.half_width,
+            beyond=beyond,
+            beyond_at=at,
+            searched_to=self.end if self.reached is None else self.reached,
+            spacing=self.spacing,
+            strikes=strikes,
+            from_rest=from_rest,
+            from_some=from_some,
+        )

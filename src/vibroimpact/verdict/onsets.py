@@ -20,10 +20,10 @@ from vibroimpact.orbits.equations import impact_1_orbits
 from vibroimpact.status import Status
 from vibroimpact.verdict.carried import BRIEF, LONG, NARROW, SECTIONS, STATES, UNSURE, Track, carry
 from vibroimpact.verdict.edges import NOISE, Onset, Side
-from vibroimpact.verdict.ranges import CROWDED, PLACES
-from vibroimpact.verdict.searches import Request, Search, followed, measured
+from vibroimpact.verdict.ranges import PLACES
+from vibroimpact.verdict.searches import Query, Search, followed, measured
 
-SPREAD = 32  # initial conditions at a value, besides the orbits of one impact
+IMPACTS = 32  # initial conditions at a value, besides the orbits of one impact
 ORBITS = 4  # periods of these, at most
 BATCH = 12  # values looked at together
 ROUNDS, PASSING = 2, 3  # times that a step is cut so: close to where impacts begin to last they settle slowly
@@ -38,50 +38,40 @@ def _widest(side: Side, path: Sequence[float]) -> float:
 
 
 def _path(side: Side) -> list[float]:
-    """Return values up to where the motion itself ends, or the range, the last of them a hair inside."""
-    shares = [(j / PLACES) ** CROWDED for j in range(1, PLACES)]
-    return [side.range.between(side.range.value, side.limit, share) for share in (*shares, 1.0 - NARROW)]
+    """Return values up to just before the motion itself ends, or the range."""
+    varied = side.range
+    return [*varied.before(side.limit, PLACES), varied.between(varied.value, side.limit, 1.0 - NARROW)]
 
 
-def hits(motion: Measured) -> bool:
-    """Return whether a motion fills its window with impacts."""
-    return motion.status.has_indices
-
-
-def surely_hits(motion: Measured) -> bool:
-    """Return whether a motion is known to go on hitting, not just slow to end."""
-    return hits(motion) and motion.motion_class not in UNSURE
-
-
-def from_rest(side: Side, lasting: bool = True) -> Search[Onset | None]:
+def onset_from_rest(side: Side, lasting: bool = True) -> Search[Onset | None]:
     """Return from where on rest leads to lasting impacts; where the motion itself ends, at the latest.
 
     Without `lasting`: from where on it strikes the stop, if only in passing.
     """
     path = _path(side)
-    found = yield from _first(side, path, _at_rest, lasting)
-    if found is None or found[0] == len(path) - 1:
+    first = yield from _first_hitting(side, path, _at_rest, lasting)
+    if first is None or first[0] == len(path) - 1:
         return side.onset(side.value, start=side.start) if math.isfinite(side.value) else None
-    place, start = found
+    place, start = first
     before, after = [side.range.value, *path][place : place + 2]
     for _ in range(ROUNDS if lasting else PASSING):
         cuts = side.range.cut(before, after, SECTIONS)
-        inner = yield from _first(side, cuts[1:-1], _at_rest, lasting)
+        inner = yield from _first_hitting(side, cuts[1:-1], _at_rest, lasting)
         at, start = (len(cuts) - 2, start) if inner is None else inner
         before, after = cuts[at : at + 2]
     return side.onset(0.5 * (before + after), 0.5 * abs(after - before), _widest(side, path[: place + 1]), start)
 
 
-def from_some(side: Side, at_rest: Onset | None) -> Search[Onset | None]:
+def onset_from_some(side: Side, at_rest: Onset | None) -> Search[Onset | None]:
     """Return from where on some initial condition settles to impacts; where one at rest does, at the latest.
 
     The first attractor that hits, or else that from rest, is carried towards the present value.
     """
     most = abs(side.range.change(at_rest.value)) if at_rest else math.inf
     path = [value for value in _path(side) if abs(side.range.change(value)) < most]
-    found = yield from _first(side, path, _spread)
-    if found is not None:
-        origin, start = path[found[0]], found[1]
+    first = yield from _first_hitting(side, path, _spread)
+    if first is not None:
+        origin, start = path[first[0]], first[1]
     elif at_rest is None or abs(at_rest.change) <= NOISE:
         return at_rest
     else:
@@ -90,14 +80,20 @@ def from_some(side: Side, at_rest: Onset | None) -> Search[Onset | None]:
         start = at_rest.start
     if math.isnan(origin):
         return at_rest
-    track = yield from carry(Track(side.range, origin, side.range.value, surely_hits, start, lasts=True))
+    track = Track(side.range, origin, side.range.value, _surely_hits, start, lasts=True)
+    yield from carry(track)
     if track.place >= 1.0:
         return side.onset(side.range.value, start=track.start)
-    outside = track.outside if track.ends else track.inside
+    outside = track.inside if track.beyond is None else track.outside
     value, half = 0.5 * (track.inside + outside), 0.5 * abs(outside - track.inside)
     if at_rest is not None and abs(value - at_rest.value) <= 2.0 * (half + at_rest.half_width):
         return at_rest
-    return side.onset(value, half, _widest(side, path[: found[0] + 1] if found else path), track.start)
+    return side.onset(value, half, _widest(side, path[: first[0] + 1] if first else path), track.start)
+
+
+def _surely_hits(motion: Measured) -> bool:
+    """Return whether a motion is known to go on hitting, not just slow to end."""
+    return motion.status.has_indices and motion.motion_class not in UNSURE
 
 
 def _at_rest(model: Model) -> Cells:
@@ -109,30 +105,27 @@ def _spread(model: Model) -> Cells:
     osc = model.at()
     orbits = (z for n in range(1, ORBITS + 1) for z in impact_1_orbits(osc, n)[0])
     starts = [Start(0.0, float(z[1]), float(z[0]) % 1.0) for z in orbits if z[1] > 0.0]
-    return Cells.join([spread_cells(osc.cells({}), SPREAD), *(start.cell(osc) for start in starts)])
+    return Cells.join([spread_cells(osc.cells({}), IMPACTS), *(start.cell(osc) for start in starts)])
 
 
-Begin = Callable[[Model], Cells]
-
-
-def _first(
-    side: Side, path: Sequence[float], begin: Begin, lasting: bool = True
+def _first_hitting(
+    side: Side, path: Sequence[float], initial: Callable[[Model], Cells], lasting: bool = True
 ) -> Search[tuple[int, Start | None] | None]:
     """Return the first place on a path at which a motion hits, and a state of one that lasts; None without one."""
     for first in range(0, len(path), BATCH):
-        parts = [begin(side.range.changed(value)) for value in path[first : first + BATCH]]
-        hit = yield Request(_hitting, Cells.join(parts), lasting)
+        parts = [initial(side.range.changed(value)) for value in path[first : first + BATCH]]
+        hit = yield Query(_hitting, Cells.join(parts), lasting)
         of_parts = np.split(np.array(hit), np.cumsum([len(part) for part in parts])[:-1])
         hitting = [
-            (first + j, part[np.flatnonzero(hits)[:TRIED]])
-            for j, (part, hits) in enumerate(zip(parts, of_parts, strict=True))
-            if hits.any()
+            (first + j, part[np.flatnonzero(of_part)[:TRIED]])
+            for j, (part, of_part) in enumerate(zip(parts, of_parts, strict=True))
+            if of_part.any()
         ]
         for at in range(0, len(hitting), TOGETHER):
             tried = hitting[at : at + TOGETHER]
             ends = (yield from _lasting([part for _, part in tried])) if lasting else [(True, None)] * len(tried)
-            for (place, _), (hits_on, start) in zip(tried, ends, strict=True):
-                if hits_on:
+            for (place, _), (lasts, start) in zip(tried, ends, strict=True):
+                if lasts:
                     return place, start
     return None
 
@@ -153,21 +146,22 @@ def _lasting(parts: Sequence[Cells]) -> Search[list[tuple[bool, Start | None]]]:
     Chaos counts if it lasts from `STATES` of its states: else it is a transient.
     """
     motions = iter((yield measured(Cells.join(parts), LONG)))
-    hitting = [[(at, motion) for at in range(len(part)) if hits(motion := next(motions))] for part in parts]
-    first = [(part[np.array([some[0][0]])], some[0][1]) for part, some in zip(parts, hitting, strict=True) if some]
-    if not first:
+    pairs = [[(cell, next(motions)) for cell in range(len(part))] for part in parts]
+    first = [next((pair for pair in of_part if pair[1].status.has_indices), None) for of_part in pairs]
+    hitting = [(part[pair[0] : pair[0] + 1], pair[1]) for part, pair in zip(parts, first, strict=True) if pair]
+    if not hitting:
         return [(False, None)] * len(parts)
-    cells = Cells.join([cell for cell, _ in first])
-    irregular = np.array([not motion.n_periods for _, motion in first])
+    cells = Cells.join([cell for cell, _ in hitting])
+    irregular = np.array([not motion.n_periods for _, motion in hitting])
     lasts = np.ones(len(cells), bool)
     if irregular.any():
-        wild = [cells[np.flatnonzero(irregular)]]
+        later = [cells[np.flatnonzero(irregular)]]
         for _ in range(STATES):
-            wild.append(_onward(wild[-1], (yield followed(wild[-1], ONWARD // STATES))))
-        ends = [hits(motion) for motion in (yield measured(Cells.join(wild[1:]), LONG))]
+            later.append(_onward(later[-1], (yield followed(later[-1], ONWARD // STATES))))
+        ends = [motion.status.has_indices for motion in (yield measured(Cells.join(later[1:]), LONG))]
         lasts[irregular] = np.reshape(ends, (STATES, -1)).all(axis=0)
     states = iter(zip(lasts.tolist(), (yield followed(cells, ONWARD)), strict=True))
-    return [next(states) if some else (False, None) for some in hitting]
+    return [next(states) if pair else (False, None) for pair in first]
 
 
 def _onward(cells: Cells, states: Sequence[Start | None]) -> Cells:

@@ -21,16 +21,16 @@ from vibroimpact.motion.recognition import recognise
 from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
 from vibroimpact.orbits.orbit import Impacts, family_of
 
-DEAREST = 1 << 29  # certified steps of one mass around a motion: five times those of the dearest of usual designs
+STEP_LIMIT = 1 << 29  # certified steps of one mass around a motion: five times those of the dearest of usual designs
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
 ALIKE = 5e-3  # `orbit_distance` from the settled motion within which an orbit or attractor is the same
-LONGEST = 16  # impacts in a cycle that is still solved for
+MOST_IMPACTS = 16  # in a cycle that is still solved for
 EQUAL = 1e-9  # relative: speeds, impulses, shares and sums of lengths that differ by less are equal
 
 
-def dearest(osc: Any) -> int:
+def step_limit(osc: Any) -> int:
     """Return the number of certified steps that a verdict may take."""
-    return DEAREST // int(osc.step_cost)
+    return STEP_LIMIT // int(osc.step_cost)
 
 
 def measure(runner: Runner, cells: Cells, window: ImpactWindow) -> list[Measured]:
@@ -85,28 +85,21 @@ def _by_impacts(model: Model, runner: Runner) -> Present:
     final = final_motion(runner, osc.cells({}), ImpactWindow(SETTLED, SHOWN))
     measured, samples = final.measured, final.samples
     motion = Motion(measured.kind, measured.n_periods, measured.n_impacts, status=measured.status)
-    if not (measured.motion_class.hits and measured.n_periods):
-        orbit = _sticking_orbit(model, 1) if measured.motion_class == MotionClass.STICKING else None
-        return _carried_on(model, final, motion, orbit, last_of(samples))
+    orbit, start = None, last_of(samples)
     if measured.motion_class == MotionClass.STICKING:
-        orbit = _sticking_orbit(model, measured.n_periods)
-    else:
-        hits = Impacts(samples.impact_phase, samples.impact_velocity)
-        orbit = stable_cycle(model, measured.n_periods, measured.n_impacts, hits)
-    if orbit is not None and not orbit.sticks:
-        motion = replace(motion, velocities=orbit.velocities, phases=orbit.phases)
-    else:
-        section = labelled_impacts(samples, in_seconds(osc), provenance("impact_section", osc, {}), osc)
-        recognised = recognise(section)
-        motion = recognised if recognised.kind == motion.kind else motion
-    pairs = zip(samples.impact_velocity.tolist(), samples.impact_phase.tolist(), strict=True)
-    after = (Start(0.0, -osc.restitution * velocity, phase) for velocity, phase in pairs)
-    return _carried_on(model, final, motion, orbit, next(after, None))
-
-
-def _carried_on(model: Model, final: Final, motion: Motion, orbit: Orbit | None, start: Start | None) -> Present:
-    """Return a motion of one mass from what carries it on; None where it could not be followed."""
-    osc = model.at()
+        orbit = next(iter(find_orbit(model, n_periods=measured.n_periods or 1, n_impacts=-1)), None)
+    if measured.motion_class.hits and measured.n_periods:
+        if measured.motion_class != MotionClass.STICKING:
+            hits = Impacts(samples.impact_phase, samples.impact_velocity)
+            orbit = stable_cycle(model, measured.n_periods, measured.n_impacts, hits)
+        if orbit is not None and not orbit.sticks:
+            motion = replace(motion, velocities=orbit.velocities, phases=orbit.phases)
+        else:
+            section = labelled_impacts(samples, in_seconds(osc), provenance("impact_section", osc, {}), osc)
+            recognised = recognise(section)
+            motion = recognised if recognised.kind == motion.kind else motion
+        pairs = zip(samples.impact_velocity.tolist(), samples.impact_phase.tolist(), strict=True)
+        start = next((Start(0.0, -osc.restitution * velocity, phase) for velocity, phase in pairs), None)
     state = osc.rest
     if start is not None:
         state = State(osc.gap - start.clearance, start.velocity, start.phase * osc.period)
@@ -116,31 +109,27 @@ def _carried_on(model: Model, final: Final, motion: Motion, orbit: Orbit | None,
 def _by_states(model: Model, runner: Runner) -> Present:
     """Return the motion from rest by whole states, followed for 32,767 impacts where it does not repeat."""
     system = model.at()
-    found, measured = from_rest(runner, system)
+    attractor, measured = from_rest(runner, system)
     final = Final(measured, None, measured.impacts)
-    if found is None:
+    if attractor is None:
         motion = Motion(measured.kind, status=measured.status)
         return Present(model, system, final, motion, None, system.rest)
-    orbit = found.orbit and replace(found.orbit, family=family_of(model))
-    return Present(model, system, final, found.motion, orbit, found.start, attractor=found)
-
-
-def _sticking_orbit(model: Model, n_periods: int) -> Orbit | None:
-    return next(iter(find_orbit(model, n_periods=n_periods, n_impacts=-1)), None)
+    orbit = attractor.orbit and replace(attractor.orbit, family=family_of(model))
+    return Present(model, system, final, attractor.motion, orbit, attractor.start, attractor=attractor)
 
 
 def stable_cycle(model: Model, n_periods: int, n_impacts: int, impacts: Impacts) -> Orbit | None:
     """Return the stable orbit that a settled motion is on, from its last impacts."""
-    if n_impacts > LONGEST or len(impacts.velocities) < n_impacts:
+    if n_impacts > MOST_IMPACTS or len(impacts.velocities) < n_impacts:
         return None
     last = Impacts(*(column[-n_impacts:] for column in impacts))
     near = float(last.phases[-1]), float(last.velocities[-1])
-    found = [
+    orbits = [
         orbit
         for orbit in find_orbit(model, n_periods=n_periods, n_impacts=n_impacts, near=near)
         if orbit.stable and orbit.admissible and same_orbit(orbit, last, tolerance=ALIKE)
     ]
-    return min(found, key=partial(orbit_distance, last), default=None)
+    return min(orbits, key=partial(orbit_distance, last), default=None)
 
 
 @dataclass(frozen=True)
@@ -198,27 +187,36 @@ class Coexisting:
 
 def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ...]:
     """Return the motions that `attractors` finds, that from rest first, with share 0 if it is none of them."""
-    found = attractors_by(runner, present.oscillator)
-    motions = [_coexisting(attractor, name) for attractor, name in zip(found, distinct_names(found), strict=True)]
-    same = next((i for i, attractor in enumerate(found) if _is_present(attractor, present)), None)
-    if same is None:
+    attractors = attractors_by(runner, present.oscillator)
+    names = distinct_names(attractors)
+    motions = [_coexisting(attractor, name) for attractor, name in zip(attractors, names, strict=True)]
+    at = next((i for i, attractor in enumerate(attractors) if _is_present(attractor, present)), None)
+    if at is None:
         measured = present.measured
         first = Coexisting(measured.name, 0.0, 0.0, measured.loss, True, measured.n_periods, present.state)
     else:
-        first = replace(motions.pop(same), from_rest=True)
+        first = replace(motions.pop(at), from_rest=True)
     return replace(first, max_velocity=present.hardest), *motions
 
 
 def _coexisting(attractor: Attractor, name: str) -> Coexisting:
     hits = MotionClass[attractor.kind.upper()].hits
-    velocity, loss = (attractor.max_velocity, attractor.dissipation) if hits else (0.0, 0.0)
-    what = name, attractor.share, velocity, loss, False, attractor.n_periods, attractor.start
-    stop = next(iter(attractor.stops), "")
-    return Coexisting(*what, attractor.transient_impacts, attractor.transient_velocity, stop)
+    return Coexisting(
+        name=name,
+        share=attractor.share,
+        max_velocity=attractor.max_velocity if hits else 0.0,
+        dissipation=attractor.dissipation if hits else 0.0,
+        from_rest=False,
+        n_periods=attractor.n_periods,
+        start=attractor.start,
+        transient_impacts=attractor.transient_impacts,
+        transient_velocity=attractor.transient_velocity,
+        stop=next(iter(attractor.stops), ""),
+    )
 
 
 def _is_present(attractor: Attractor, present: Present) -> bool:
-    """Whether an attractor is the present motion; of those that stick or do not hit there is one of each kind."""
+    """Whether an attractor is the present motion; there is one at most of each kind that sticks or does not hit."""
     measured, followed = present.measured, present.attractor
     if followed is not None:
         return attractor.kind == followed.kind and alike(attractor, followed)

@@ -56,10 +56,11 @@ class Range:
     def path(self, direction: int, number: int) -> list[float]:
         """Return values from beside the present one to the end, close together at first; none without room."""
         end = self.end(direction)
-        if end == self.value:
-            return []
-        shares = [(j / number) ** CROWDED for j in range(1, number + 1)]
-        return [self.between(self.value, end, share) for share in shares[:-1]] + [end]
+        return [*self.before(end, number), end] if end != self.value else []
+
+    def before(self, end: float, number: int) -> list[float]:
+        """Return values on the way from the present one to an end, close together at first, without both."""
+        return [self.between(self.value, end, (j / number) ** CROWDED) for j in range(1, number)]
 
     def between(self, first: float, last: float, share: float) -> float:
         """Return the value a share of the way along: equal ratios where both are positive, else equal differences."""
@@ -98,24 +99,30 @@ def range_of(model: Model, name: str, within: float) -> Range:
     The gap of one mass, and a number that is not positive, is varied by `within` times its `scale_of`, damping by
     `LIGHT` of that; and no further than the family makes a design.
     """
-    value, parameter = value_of(model, name), model.parameters[name]
-    scale = scale_of(model, name, value)
+    present, parameter = present_value(model, name), model.parameters[name]
+    value = present.value
     if is_own_scale(model, name, value):
         low, high = value / (1.0 + within), min(value * (1.0 + within), parameter.high)
     else:
-        far = within * scale.size * (LIGHT if scale.of == "critical damping" else 1.0)
-        low, high = max(value - far, parameter.low), min(value + far, parameter.high)
-    chosen = Range(model, name, value, low, high, *scale)
-    return replace(chosen, low=_possible(chosen, -1), high=_possible(chosen, 1))
+        reach = within * present.scale * (LIGHT if present.of == "critical damping" else 1.0)
+        low, high = max(value - reach, parameter.low), min(value + reach, parameter.high)
+    varied = replace(present, low=low, high=high)
+    return replace(varied, low=_possible(varied, -1), high=_possible(varied, 1))
 
 
-def _possible(chosen: Range, direction: int) -> float:
+def present_value(model: Model, name: str) -> Range:
+    """Return the present value of a parameter, with what its changes are measured in and no room around it."""
+    value = value_of(model, name)
+    return Range(model, name, value, value, value, *scale_of(model, name, value))
+
+
+def _possible(varied: Range, direction: int) -> float:
     """Return the end of a range, of a family drawn in to where it still makes a design."""
-    inside, end = chosen.value, chosen.end(direction)
+    inside, end = varied.value, varied.end(direction)
     outside = end
     for _ in range(TRIALS):
         try:
-            chosen.at(outside)
+            varied.at(outside)
         except ValueError:
             end = outside
         else:

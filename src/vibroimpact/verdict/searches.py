@@ -10,13 +10,13 @@ from collections.abc import Callable, Generator, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 from vibroimpact.backends import Cells, ImpactWindow
-from vibroimpact.coexistence.measuring import Runner, Start
+from vibroimpact.coexistence.measuring import Runner
 from vibroimpact.verdict.present import measure
 
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 
 
-class Request(NamedTuple):
+class Query(NamedTuple):
     """Motions that a search needs: what is to be computed of which cells, with one argument more."""
 
     compute: Callable[[Runner, Cells, Any], Sequence[Any]]
@@ -24,43 +24,39 @@ class Request(NamedTuple):
     argument: Any
 
 
-Search = Generator[Request, Any, Found]
+Search = Generator[Query, Any, Result]
 
 
-def measured(cells: Cells, window: ImpactWindow) -> Request:
+def measured(cells: Cells, window: ImpactWindow) -> Query:
     """Ask for the motion of each cell over a window."""
-    return Request(measure, cells, window)
+    return Query(measure, cells, window)
 
 
-def followed(cells: Cells, impacts: int) -> Request:
+def followed(cells: Cells, impacts: int) -> Query:
     """Ask for the state of each motion after so many impacts, or None where it could not be followed."""
-    return Request(_follow, cells, impacts)
+    return Query(Runner.follow, cells, impacts)
 
 
-def _follow(runner: Runner, cells: Cells, impacts: int) -> list[Start | None]:
-    return runner.follow(cells, impacts)
-
-
-def together(searches: Sequence[Search[Found]], runner: Runner) -> list[Found]:
-    """Return what each search finds: requests of one kind are answered at once."""
-    found: dict[int, Found] = {}
-    requests: dict[int, Request] = {}
+def together(searches: Sequence[Search[Result]], runner: Runner) -> list[Result]:
+    """Return what each search finds: queries of one kind are answered at once."""
+    results: dict[int, Result] = {}
+    queries: dict[int, Query] = {}
 
     def go_on(number: int, answer: Any) -> None:
         try:
-            requests[number] = searches[number].send(answer)
+            queries[number] = searches[number].send(answer)
         except StopIteration as end:
-            found[number] = end.value
+            results[number] = end.value
 
     for number in range(len(searches)):
         go_on(number, None)
-    while requests:
+    while queries:
         kinds: dict[Any, dict[int, Cells]] = {}
-        for number, (compute, cells, argument) in requests.items():
+        for number, (compute, cells, argument) in queries.items():
             kinds.setdefault((compute, argument), {})[number] = cells
-        requests = {}
+        queries = {}
         for (compute, argument), of_kind in kinds.items():
             answers = iter(compute(runner, Cells.join(list(of_kind.values())), argument))
             for number, cells in of_kind.items():
                 go_on(number, [next(answers) for _ in range(len(cells))])
-    return [found[number] for number in range(len(searches))]
+    return [results[number] for number in range(len(searches))]

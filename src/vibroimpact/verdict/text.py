@@ -20,19 +20,19 @@ from vibroimpact.coexistence.measuring import PAPER, SPREAD
 from vibroimpact.motion import MotionClass, listed
 from vibroimpact.parameters import counted
 from vibroimpact.verdict.advice import INSTANTS
-from vibroimpact.verdict.changes import advice_words, boundary_lines, number, parameters_line, speed
-from vibroimpact.verdict.present import EQUAL, Coexisting, dearest
+from vibroimpact.verdict.changes import advice_text, boundary_lines, number, parameters_line, speed
+from vibroimpact.verdict.present import EQUAL, Coexisting, step_limit
 from vibroimpact.verdict.ranges import percent
 
 if TYPE_CHECKING:
     from vibroimpact.verdict.describe import Verdict
 
 MARGIN, WIDTH = 12, 110  # characters: of the titles, and of a line
-KNOWN = 1e-6  # of the motion's size: how well a state is known whose future is predicted
+PRECISION = 1e-6  # of the motion's size: how well a state is known whose future is predicted
 NEUTRAL = 1e-3  # per period: an exponent so small says nothing of whether perturbations decay
-ADVICE = 3  # changes listed, at most
-LISTED = 4  # impacts of a cycle listed, at most
-SHOWN = 12  # coexisting motions listed, at most
+CHANGES = 3  # advised, listed at most
+IMPACTS = 4  # of a cycle, listed at most
+MOTIONS = 12  # coexisting, listed at most
 HARDER = 1.02  # times the hits of a motion: transients that hit so hard are mentioned
 FIRST = PAPER.transient + PAPER.keep  # impacts that a map computes of a motion
 _TIED = "\u00a0"
@@ -41,7 +41,7 @@ _TIED = "\u00a0"
 Writer = Callable[["Verdict"], Iterator[str]]
 
 
-def lines(verdict: Verdict) -> Iterator[str]:
+def verdict_lines(verdict: Verdict) -> Iterator[str]:
     """Yield the lines of a verdict."""
     writers: dict[str, Writer] = {
         verdict.oscillator.kind: _model,
@@ -52,23 +52,23 @@ def lines(verdict: Verdict) -> Iterator[str]:
         "stability": _stability,
         "boundaries": boundary_lines,
         "coexisting": _coexisting,
-        "advice": advice_lines,
+        "advice": _advice_lines,
     }
-    yield from laid_out((title, writer(verdict)) for title, writer in writers.items())
+    yield from _laid_out((title, writer(verdict)) for title, writer in writers.items())
     if not verdict.complete:
-        yield from laid_out([("stopped", [stopped(verdict)])])
+        yield from _laid_out([("stopped", [_stopped(verdict)])])
 
 
-def laid_out(parts: Iterable[tuple[str, Iterable[str]]]) -> Iterator[str]:
+def _laid_out(parts: Iterable[tuple[str, Iterable[str]]]) -> Iterator[str]:
     """Yield titled facts line by line."""
     for title, facts in parts:
         for i, line in enumerate(facts):
             yield from _wrapped((title if i == 0 else "").ljust(MARGIN), line)
 
 
-def stopped(verdict: Verdict) -> str:
+def _stopped(verdict: Verdict) -> str:
     """Return why a verdict is not complete: what it may cost has a limit, far above what usual designs take."""
-    if verdict.steps < dearest(verdict.oscillator):
+    if verdict.steps < step_limit(verdict.oscillator):
         return "before the end; run it again to complete it"
     return (
         f"before the end, after {verdict.steps:.2g} certified steps: the motions of this design take too many, as its "
@@ -83,8 +83,8 @@ def _wrapped(head: str, line: str) -> Iterator[str]:
         yield part.replace(_TIED, " ")
 
 
-def needs_no_names(design: Any) -> bool:
-    """Return whether a design is one mass in front of one stop."""
+def _is_one_mass(design: Any) -> bool:
+    """Return whether a design is one mass in front of one stop, whose stop needs no name."""
     return bool(design.coordinates == len(design.stops) == 1)
 
 
@@ -119,7 +119,7 @@ def _why_undecided(verdict: Verdict) -> str:
     design = verdict.oscillator
     if (lasting := lasting_stops(design)).any():
         names = listed([str(stop.name) for stop, lasts in zip(design.stops, lasting, strict=True) if lasts])
-        on = "" if needs_no_names(design) else f" on {names}"
+        on = "" if _is_one_mass(design) else f" on {names}"
         return f"impacts{on} lose no energy, so that no motion with them attracts others"
     return f"the impacts do not repeat within {verdict.watched}, nor are they surely chaotic"
 
@@ -157,13 +157,13 @@ def _clear_of(verdict: Verdict) -> str:
     if verdict.kind == "no_impact" and not system.modal().squares.all():
         return ", it never comes back to a stop"
     if verdict.kind == "no_impact":
-        left = dict(zip(system.stop_names, system.cells({}).block("margin")[0].tolist(), strict=True))
-        name = min(left, key=lambda stop: left[stop])
-        return f", at least {report.quantity(left[name], 'm', 3)} clear of {name}"
+        margins = dict(zip(system.stop_names, system.cells({}).block("margin")[0].tolist(), strict=True))
+        name = min(margins, key=lambda stop: margins[stop])
+        return f", at least {report.quantity(margins[name], 'm', 3)} clear of {name}"
     q = present.start.displacement
-    left_now = system.clearances(q, present.start.time).tolist()
+    clearances = system.clearances(q, present.start.time).tolist()
     sizes = [abs(stop.gap) + float(np.abs(stop.direction) @ np.abs(q)) for stop in system.stops]
-    at = [stop for stop, gap, size in zip(system.stops, left_now, sizes, strict=True) if gap <= EQUAL * size]
+    at = [stop for stop, gap, size in zip(system.stops, clearances, sizes, strict=True) if gap <= EQUAL * size]
     rigid, compliant = ([stop.name for stop in at if stop.compliant is gives] for gives in (False, True))
     return (f", at rest at {listed(rigid)}" if rigid else "") + (
         f", pressed into {listed(compliant)}" if compliant else ""
@@ -181,15 +181,15 @@ def _hits(verdict: Verdict) -> Iterator[str]:
         yield _sampled(verdict)
         return
     hits = list(zip(motion.velocities, motion.phases, strict=True))
-    if needs_no_names(design):
+    if _is_one_mass(design):
         rate = verdict.indices["impacts_per_period"]
         often = "once per period" if rate == 1.0 else f"{rate:.4g} times per period"
         chatter = "hardest " + _at_phase(*hits[0]) + ", followed by a complete chatter"
-        yield chatter if motion.n_impacts < 0 else f"{often}: {_listed(hits)}"
+        yield chatter if motion.n_impacts < 0 else f"{often}: {_cycle_impacts(hits)}"
     else:
         yield from _on_each_stop(verdict, hits)
     if verdict.stops and verdict.orbit is not None:
-        yield from _impulses(verdict.orbit, not needs_no_names(design))
+        yield from _impulses(verdict.orbit, not _is_one_mass(design))
 
 
 def _sampled(verdict: Verdict) -> str:
@@ -212,14 +212,14 @@ def _on_each_stop(verdict: Verdict, hits: Sequence[tuple[float, float]]) -> Iter
         elif chatters:
             yield f"{name}: hardest {_at_phase(*max(struck))}"
         else:
-            yield f"{name}: {counted(len(struck), 'impact')} per cycle, {_listed(struck)}"
+            yield f"{name}: {counted(len(struck), 'impact')} per cycle, {_cycle_impacts(struck)}"
     if chatters:
         yield "in its cycle it comes to rest at a stop after infinitely many impacts"
 
 
-def _listed(hits: Sequence[tuple[float, float]]) -> str:
+def _cycle_impacts(hits: Sequence[tuple[float, float]]) -> str:
     """Return impacts of a cycle one by one if they are few."""
-    if len(hits) <= LISTED:
+    if len(hits) <= IMPACTS:
         return listed([_at_phase(*hit) for hit in hits])
     hardest, phase = max(hits)
     return f"{min(hits)[0]:.4g} to {speed(hardest)}, hardest at phase {phase:.3g}"
@@ -256,8 +256,8 @@ def _energy(verdict: Verdict) -> Iterator[str]:
 def _rest(verdict: Verdict) -> Iterator[str]:
     share = verdict.indices["stick_fraction"]
     if verdict.kind == "sticking" and math.isfinite(share):
-        which = "a" if len(verdict.oscillator.stops) > 1 else "the"
-        yield f"{100.0 * share:.3g} % of the time at rest at {which} stop"
+        article = "a" if len(verdict.oscillator.stops) > 1 else "the"
+        yield f"{100.0 * share:.3g} % of the time at rest at {article} stop"
 
 
 def _stability(verdict: Verdict) -> Iterator[str]:
@@ -274,19 +274,19 @@ def _stability(verdict: Verdict) -> Iterator[str]:
             "predicted"
         )
     elif math.isinf(exponent):
-        rest = "a rest at the stop" if needs_no_names(design) else "a rest of all coordinates at once"
+        rest = "a rest at the stop" if _is_one_mass(design) else "a rest of all coordinates at once"
         yield f"{rest} erases all memory: perturbations vanish (exponent -inf)"
     elif verdict.kind == "chaotic":
-        ahead = -math.log(KNOWN) / exponent / period
+        ahead = -math.log(PRECISION) / exponent / period
         yield (
             f"perturbations double about every {number(math.log(2.0) / exponent, 2)} s (exponent about "
-            f"{exponent:.2g} 1/s): a state known to {KNOWN:g} of its size is predictable for about "
+            f"{exponent:.2g} 1/s): a state known to {PRECISION:g} of its size is predictable for about "
             f"{number(ahead, 2)} periods"
         )
     elif exponent < 0.0 and (solved or (verdict.kind == "periodic" and design.forgets)):
         half = -math.log(2.0) / exponent
         yield (
-            f"{'' if needs_no_names(design) else _largest(orbit)}perturbations halve every {number(half, 3)} s, "
+            f"{'' if _is_one_mass(design) else _largest(orbit)}perturbations halve every {number(half, 3)} s, "
             f"{number(half / period, 2)} periods (exponent {exponent:.4g} 1/s)"
         )
     elif abs(exponent) * period < NEUTRAL:
@@ -309,7 +309,7 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
     motions, design = verdict.attractors, verdict.oscillator
     sample, of = f"{SPREAD} spread initial conditions", " of the initial conditions"
     undecided = verdict.undecided
-    if named := not needs_no_names(design):
+    if named := not _is_one_mass(design):
         sample += f", impacts on {listed(list(design.stop_names))}"
     if len(motions) == 1 and not undecided:
         mixed = not design.forgets and not motions[0].repeats
@@ -319,7 +319,7 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
     if named and motions:
         yield f"of {sample}:"
         of = ""
-    for motion in motions[:SHOWN]:
+    for motion in motions[:MOTIONS]:
         lasting = " as far as it was watched" * (motion.name in ("chaotic", "quasi-periodic"))
         hit = f", hardest hit {speed(motion.max_velocity)}" if motion.max_velocity > 0.0 else ""
         hit += _on(motion.stop, named) if hit and motion.stop else ""
@@ -327,8 +327,8 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
         share = "stable, but reached from none of them" if rare else f"{100.0 * motion.share:.3g} %{of}"
         this = " (this motion)" if motion.from_rest else ""
         yield f"{share}: {motion.name}{lasting}{this}{hit}{_slow(motion)}"
-    if len(motions) > SHOWN:
-        yield f"and {len(motions) - SHOWN} more"
+    if len(motions) > MOTIONS:
+        yield f"and {len(motions) - MOTIONS} more"
     if motions and undecided:
         yield f"{100.0 * undecided:.3g} %{of}: undecided"
 
@@ -342,7 +342,7 @@ def _slow(motion: Coexisting) -> str:
     return f", some after up to {often} impacts and hits of up to {speed(motion.transient_velocity)}"
 
 
-def advice_lines(verdict: Verdict) -> Iterator[str]:
+def _advice_lines(verdict: Verdict) -> Iterator[str]:
     """Yield what softens the impacts."""
     if not verdict.complete:
         return
@@ -360,7 +360,7 @@ def advice_lines(verdict: Verdict) -> Iterator[str]:
         varied = "one parameter" if len(names) == len(verdict.model.values) else " or ".join(names) + " alone"
         yield f"no change of {varied} within its range softens the impacts from all initial conditions tried"
     else:
-        smallest = verdict.advice[:ADVICE]
+        smallest = verdict.advice[:CHANGES]
         ends = [advice for advice in verdict.advice if advice.benefit == "no_impact"]
         aims = {
             "to soften the impacts": [advice for advice in smallest if advice not in ends],
@@ -368,7 +368,7 @@ def advice_lines(verdict: Verdict) -> Iterator[str]:
         }
         for aim, ways in aims.items():
             for i, advice in enumerate(ways):
-                yield ("or " if i else f"{aim}, ") + advice_words(verdict.model, advice)
+                yield ("or " if i else f"{aim}, ") + advice_text(verdict.model, advice)
         if tried := [advice.tried for advice in verdict.advice if advice.tried]:
             yield (
                 f"each holds from {min(tried)} initial conditions or more: rest, {SPREAD} spread ones and the present "

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from vibroimpact.verdict.ranges import Range
 
-TRIED = 6  # values beyond the first good one at which advice is tested
+CANDIDATES = 6  # values beyond the first good one at which advice is tested
 ANY, ENDS = ("softer", "no_chaos", "no_impact"), ("no_impact",)  # benefits that are looked for
 
 
@@ -21,19 +21,29 @@ class Line:
     values: list[float]
     benefits: list[str] = field(default_factory=list)
 
-    def begin(self, wanted: Sequence[str]) -> int | None:
+    def first(self, wanted: Sequence[str]) -> int | None:
         """Return the place of the first value with a benefit that its next neighbour has too; None without one."""
         good = [benefit in wanted for benefit in self.benefits]
         pairs = zip(good, [*good[1:], good[-1]], strict=True)
-        return next((j for j, (this, neighbour) in enumerate(pairs) if this and neighbour), None)
+        return next((place for place, (value, neighbour) in enumerate(pairs) if value and neighbour), None)
 
-    def between(self, nearer: float) -> list[float]:
-        """Return values between neighbours, where a change is smaller than one and only one, or none, has a benefit."""
+    def bracket(self, wanted: tuple[str, ...]) -> Bracket | None:
+        """Return the step in which benefits begin, and the values beyond that have them; None where they do not."""
+        first = self.first(wanted)
+        if first is None:
+            return None
+        outwards = zip(self.values[first:], self.benefits[first:], strict=True)
+        further = [value for value, benefit in outwards if benefit in wanted][:CANDIDATES]
+        inside = self.values[first - 1] if first else self.range.value
+        return Bracket(self.range, wanted, inside, self.values[first], further)
+
+    def midpoints(self, change: float) -> list[float]:
+        """Return values between neighbours, one of which at most has a benefit, as far as changes are smaller."""
         ends = zip([self.range.value, *self.values], ["", *self.benefits], strict=True)
         return [
             self.range.between(inner, outer, 0.5)
-            for (inner, one), (outer, other) in pairwise(ends)
-            if abs(self.range.change(inner)) < nearer and not (one and other)
+            for (inner, inner_benefit), (outer, outer_benefit) in pairwise(ends)
+            if abs(self.range.change(inner)) < change and not (inner_benefit and outer_benefit)
         ]
 
     def add(self, values: Sequence[float], benefits: Iterable[str]) -> None:
@@ -44,37 +54,24 @@ class Line:
 
 
 @dataclass
-class Search:
-    """A line, the benefits looked for, and the step of it in which they begin."""
+class Bracket:
+    """The step of a line in which benefits that are looked for begin, and values further on that have them."""
 
-    line: Line
+    range: Range
     wanted: tuple[str, ...]
-    inside: float = math.nan
-    outside: float = math.nan
-    values: list[float] = field(default_factory=list)
-
-    @property
-    def range(self) -> Range:
-        """The parameter that is varied."""
-        return self.line.range
-
-    def begins(self) -> bool:
-        """Note where on the line the benefits begin, and the values beyond that have them; return whether they do."""
-        first, values = self.line.begin(self.wanted), self.line.values
-        if first is not None:
-            self.inside, self.outside = values[first - 1] if first else self.range.value, values[first]
-            beyond = zip(values[first:], self.line.benefits[first:], strict=True)
-            self.values = [value for value, benefit in beyond if benefit in self.wanted][:TRIED]
-        return first is not None
+    inside: float
+    outside: float
+    further: list[float]
 
     def candidates(self) -> list[float]:
         """Return rounded values, the smallest change first."""
-        near, outwards = [rounded(self.outside, self.range, 0)], 1 if self.outside > self.range.value else -1
-        return near + [rounded(value, self.range, outwards) for value in (self.outside, *self.values)]
+        outwards = 1 if self.outside > self.range.value else -1
+        values = [rounded(value, self.range, outwards) for value in (self.outside, *self.further)]
+        return [rounded(self.outside, self.range, 0), *values]
 
 
 def rounded(value: float, varied: Range, outwards: int) -> float:
-    """Return a value whose change has two digits, rounded outwards or (0) to the nearest, inside the varied.
+    """Return a value whose change has two digits, rounded outwards or (0) to the nearest, inside its range.
 
     The change is that relative to the scale: so advice is the same in any unit.
     """
