@@ -47,13 +47,13 @@ def solve(
         largest, part = float(np.abs(correction).max()), 1.0
         while part > 1e-3:
             trial = z - part * columns * correction
-            left, slope = scaled(trial)
-            if largest < CLOSE or (np.abs(left).max() < np.abs(misses).max() and in_order(trial)):
+            trial_misses, slope = scaled(trial)
+            if largest < CLOSE or (np.abs(trial_misses).max() < np.abs(misses).max() and in_order(trial)):
                 break
             part *= 0.5
         else:
             break
         if largest < CLOSE:
             return Solved(trial, in_order(trial), bool(np.linalg.cond(matrix) > SINGULAR))
-        z, misses, matrix = trial, left, slope
+        z, misses, matrix = trial, trial_misses, slope
     return Solved(z, False, bool(not np.isfinite(matrix).all() or np.linalg.cond(matrix) > 1e6))

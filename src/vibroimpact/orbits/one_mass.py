@@ -19,9 +19,9 @@ from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.orbits import newton
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
-from vibroimpact.orbits.found import Guess, Orbits, lost, ordered, other_name
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Impacts, Orbit, from_hardest, make_orbit, same_orbit, solution_of, true_cycle
+from vibroimpact.orbits.results import Guess, Orbits, lost, ordered, other_name
 from vibroimpact.parameters import invalid, real_number
 
 
@@ -66,7 +66,7 @@ def stable_orbits(osc: ImpactOscillator, n_periods: int) -> list[Orbit]:
 
 def _impact(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:
     """Return phase and velocity of an impact near the orbit that is wanted, if one is given."""
-    orbit, state, given = guess.orbit, guess.state, guess.given
+    orbit, state, near = guess.orbit, guess.state, guess.near
     if guess.none or (orbit is not None and not orbit.velocities):
         return None
     if orbit is not None:
@@ -75,11 +75,11 @@ def _impact(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:
         if state.displacement != osc.gap:
             raise invalid("near", state, f"a state at an impact, with displacement = gap = {osc.gap!r}")
         phase, velocity = state.time / osc.period, state.velocity
-    elif isinstance(given, (tuple, list)) and len(given) == 2:
-        phase, velocity = real_number("near", given[0]), given[1]
+    elif isinstance(near, (tuple, list)) and len(near) == 2:
+        phase, velocity = real_number("near", near[0]), near[1]
     else:
         what = "an Orbit, a State at the stop, or (phase, velocity)"
-        raise invalid("near", given, what, "for example near=(0.25, 1.4)")
+        raise invalid("near", near, what, "for example near=(0.25, 1.4)")
     allowed = "an impact of velocity > 0"
     speed = real_number("near", velocity, allowed)
     if speed <= 0.0:
@@ -89,13 +89,13 @@ def _impact(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:
 
 def _from(model: Model, cycle: Cycle, start: Floats) -> Orbits[Orbit]:
     """Return the orbit that Newton's method reaches."""
-    found = solve(model.at(), cycle, start)
-    if found.singular or not found.converged:
-        return lost(found, cycle.name)
-    smallest = true_cycle(cycle, found.z)
+    solved = solve(model.at(), cycle, start)
+    if solved.singular or not solved.converged:
+        return lost(solved, cycle.name)
+    smallest = true_cycle(cycle, solved.z)
     if smallest != cycle:
         return other_name(smallest.name, cycle.name)
-    return ordered([make_orbit(model, cycle, from_hardest(cycle, found.z))])
+    return ordered([make_orbit(model, cycle, from_hardest(cycle, solved.z))])
 
 
 def _anywhere(model: Model, cycle: Cycle) -> Orbits[Orbit]:
@@ -104,10 +104,10 @@ def _anywhere(model: Model, cycle: Cycle) -> Orbits[Orbit]:
     solutions: list[Floats] = []
     others: list[Cycle] = []
     for start in candidates(osc, cycle):
-        found = solve(osc, cycle, start)
-        if not found.converged or found.singular or found.z[cycle.n_impacts :].min() <= 0.0:
+        solved = solve(osc, cycle, start)
+        if not solved.converged or solved.singular or solved.z[cycle.n_impacts :].min() <= 0.0:
             continue
-        z = from_hardest(cycle, found.z)
+        z = from_hardest(cycle, solved.z)
         if any(same_orbit(Impacts.of(z), Impacts.of(other)) for other in solutions):
             continue
         smallest = true_cycle(cycle, z)

@@ -353,15 +353,15 @@ def _point(model: Model, parameter: str, value: float, beyond: ImpactOscillator)
     assert stick is not None
     orbit = sticking_orbit(model, stick, Tolerances().chatter)
     fraction = orbit.stuck_time / osc.period
-    left = residual(osc, fraction)
+    remainder = residual(osc, fraction)
     outcome, message = "found", ""
-    if left > MET and beyond.stiffness * beyond.gap <= -(1.0 - LIFTED) * beyond.amplitude:
+    if remainder > MET and beyond.stiffness * beyond.gap <= -(1.0 - LIFTED) * beyond.amplitude:
         outcome = "pressed_for_ever"
         message = f"beyond `{parameter}` = {value!r} the force no longer lifts the mass off the stop (k g <= -f)"
-    elif left > MET:
+    elif remainder > MET:
         outcome = "unresolved"
         message = (
             f"the mass rests for {fraction:.3g} T at `{parameter}` = {value!r} and not at the next number: "
             "a long transient magnifies rounding beyond double precision; look for cycles of fewer periods"
         )
-    return StickingEnd(osc, parameter, value, orbit.n_periods, fraction, left, outcome, message, orbit)
+    return StickingEnd(osc, parameter, value, orbit.n_periods, fraction, remainder, outcome, message, orbit)

@@ -30,15 +30,15 @@ class Contact(NamedTuple):
 
 def contacts_of(cycle: Cycle, unknown: Floats, speeds: Floats) -> tuple[Contact, ...]:
     """Return the effect of each impact of a cycle, from the speeds at its events."""
-    flow, found = cycle.flow, []
+    flow, contacts = cycle.flow, []
     for at in cycle.impacts:
         stop = cycle.events[at].stop
         if flow.compliant[stop]:
-            found.append(_pressed(cycle, unknown, at))
+            contacts.append(_pressed(cycle, unknown, at))
         else:
             impulse = (1.0 + flow.rebound(stop, -speeds[at])[0]) * speeds[at] * flow.omega / flow.lengths[stop]
-            found.append(Contact(float(impulse)))
-    return tuple(found)
+            contacts.append(Contact(float(impulse)))
+    return tuple(contacts)
 
 
 def _pressed(cycle: Cycle, unknown: Floats, at: int) -> Contact:

@@ -24,13 +24,13 @@ from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import SAME, TURN
-from vibroimpact.orbits.found import Guess, Orbits, lost, other_name
 from vibroimpact.orbits.newton import CLOSE, MOST, SINGULAR, Solved
-from vibroimpact.orbits.orbit import family_of
+from vibroimpact.orbits.orbit import family_of, phases_of
+from vibroimpact.orbits.results import Guess, Orbits, lost, other_name
 from vibroimpact.orbits.systems.contacts import Contact
 from vibroimpact.orbits.systems.cycle import multipliers_of
 from vibroimpact.orbits.systems.flow import Flow
-from vibroimpact.orbits.systems.orbit import Rest, SystemOrbit, at_rest, phases_of
+from vibroimpact.orbits.systems.orbit import Rest, SystemOrbit, at_rest
 from vibroimpact.parameters import invalid
 
 SETTLING = 1000  # driving periods from rest, before those that Newton's method starts from
@@ -64,12 +64,12 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOr
         state = guess.state or _settled(system)
         if not guess.sticks:
             state = _quiet(system, carrier, state, n_periods)
-        found, derivative = _solve(carrier, state, system.period, n_periods)
+        solved, derivative = _solve(carrier, state, system.period, n_periods)
     except ValueError as error:  # beyond a stop, or not to be followed
         return Orbits(outcome="not_converged", message=str(error))
-    if found.singular or not found.converged:
-        return lost(found, name)
-    state = _state(carrier, found.z, state.time)
+    if solved.singular or not solved.converged:
+        return lost(solved, name)
+    state = _state(carrier, solved.z, state.time)
     cycle = _follow(system, state, n_periods)
     apart = np.abs(cycle.moves - cycle.moves[0]).max(axis=1) / np.abs(cycle.moves[0]).max()
     periods = next(n for n in range(1, n_periods + 1) if n_periods % n == 0 and apart[n] <= SAME)
