@@ -53,7 +53,7 @@ def section(options: Options) -> None:
       vibroimpact section -p frequency=0.45 --kind stroboscopic --out poincare.png
     """
     study = study_of(options)
-    _motion(f"{study.given.get('section', 'impact')}_section", study, options)
+    _motion(f"{study.settings.get('section', 'impact')}_section", study, options)
 
 
 def _motion(function: str, study: Study, options: Options) -> None:
@@ -85,7 +85,7 @@ def diagram(options: Options) -> None:
     if len(study.axes) != 1:
         got = " and ".join(study.axes) or "none"
         raise WrongRequest(f"a diagram needs exactly one axis, got {got}; for example --x omega=0.025:5:200")
-    output.check(options, "bifurcation_diagram", study.given.get("indices", ()), 1)
+    output.check(options, "bifurcation_diagram", study.settings.get("indices", ()), 1)
     from vibroimpact.execution.threads import GRACE
 
     _sweep("bifurcation_diagram", Meter("diagram", patience=GRACE, opening=study.tell), study, options, **study.axes)
@@ -116,14 +116,14 @@ def parameter_map(options: Options) -> None:
     study = _with_index(options)
     if not study.axes:
         raise WrongRequest("a map needs an axis; for example --x omega=0.025:5:200")
-    if study.given.get("by_stop") and output.is_figure(options):
+    if study.settings.get("by_stop") and output.is_figure(options):
         raise WrongRequest(
             "a figure shows one stop; with --by-stop write data, then `vibroimpact plot FILE --stop NAME`"
         )
     stored = files.is_store(options)
     resumed = stored and files.store_exists(options)
     if not resumed:
-        output.check(options, "parameter_map", study.given.get("indices", ("std",)), len(study.axes))
+        output.check(options, "parameter_map", study.settings.get("indices", ("std",)), len(study.axes))
     more = options.given("tile", "refine", "cluster")
     if stored:
         _into_store(study, options, more, resumed=resumed)
@@ -138,11 +138,11 @@ def _with_index(options: Options) -> Study:
     study, index = study_of(options), options["index"]
     from vibroimpact.indices import check_indices
 
-    computed = study.given.get("indices", ())
+    computed = study.settings.get("indices", ())
     if index is None or index in computed:
         return study
     with refusing():
-        return replace(study, given={**study.given, "indices": check_indices([*computed, index])})
+        return replace(study, settings={**study.settings, "indices": check_indices([*computed, index])})
 
 
 @with_options(
@@ -162,8 +162,8 @@ def basins(options: Options) -> None:
     """
     study = study_of(options)
     axes = _initial_conditions(study, options)
-    if set(axes) - {"phase", "velocity"} and "phase" in study.given:
-        axes["phase"] = study.given["phase"]
+    if set(axes) - {"phase", "velocity"} and "phase" in study.settings:
+        axes["phase"] = study.settings["phase"]
     elif options["phase"] is not None:
         raise WrongRequest("`--phase` goes with an axis of displacement; for impacts write --x phase=0:1:200")
     if options["stop"] is not None:
@@ -272,8 +272,8 @@ def compare(options: Options) -> None:
       vibroimpact compare old.toml new.toml
       vibroimpact compare old.toml new.toml --out both.png
     """
-    files = [options["first"], options["second"]]
-    first, second = (study_of(options, file) for file in files)
+    paths = [options["first"], options["second"]]
+    first, second = (study_of(options, path) for path in paths)
     output.check_looks(options, (*output.FIGURE_ENDINGS, ".json"))
     import vibroimpact
 
@@ -287,7 +287,7 @@ def compare(options: Options) -> None:
         comparison = vibroimpact.compare(
             first.model,
             second.model,
-            names=_names(*files),
+            names=_names(*paths),
             progress=meter,
             **_search(first, options),
             **chosen,

@@ -344,12 +344,12 @@ def end_of_sticking(
         inside, outside = (middle, outside) if same else (inside, middle)
     if 0 < periods(outside, n_periods) < n_periods:  # lost to the chatter of an earlier period, which has its end here
         inside, outside = outside, inside
-    return _point(osc.replace(**{parameter: inside}), parameter, inside, osc.at(**{parameter: outside}))
+    return _point(osc.replace(**{parameter: inside}), parameter, inside, osc.at(**{parameter: outside}), n_periods)
 
 
-def _point(model: Model, parameter: str, value: float, beyond: ImpactOscillator) -> StickingEnd:
+def _point(model: Model, parameter: str, value: float, beyond: ImpactOscillator, n_periods: int) -> StickingEnd:
     osc = model.at()
-    stick = from_release(osc, LONGEST)
+    stick = from_release(osc, max(LONGEST, n_periods))
     assert stick is not None
     orbit = sticking_orbit(model, stick, Tolerances().chatter)
     fraction = orbit.stuck_time / osc.period

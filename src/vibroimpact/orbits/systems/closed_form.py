@@ -41,7 +41,7 @@ RATIOS = 65  # of a law, at which solutions are compared; more cost 1 ms each
 def one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
     """Return all orbits with the one impact of a cycle, as its unknowns, by their phases, and why there are none."""
     flow, ((stop, _),) = cycle.flow, cycle.events
-    constant = flow.laws[stop] is None
+    constant = flow.elements[stop].ratio is not None
     unknowns, why = _at_ratio(cycle, float(flow.restitution[stop])) if constant else _at_all_ratios(cycle)
     return [(cycle, unknown) for unknown in unknowns], why
 

@@ -71,7 +71,6 @@ class Flow:
         self.n, self.omega, self.restitution = len(form.squares), form.omega, form.restitution
         self.compliant = np.array([not stop.element.instantaneous for stop in system.stops], bool)
         self.elements = [stop.element for stop in system.stops]
-        self.laws = [None if stop.ratio is not None else stop.law for stop in system.stops]
         roots, self.orders = np.sqrt(form.masses), form.orders.astype(float)
         self.neutral: Any = form.neutral.ravel()  # of the state: the place and the drift of a free centre
         self.centre = np.flatnonzero(self.neutral)

@@ -28,7 +28,6 @@ def beginning(
     flow: Flow, n_periods: int, stops: tuple[int, ...], images: tuple[int, ...], guess: Guess
 ) -> tuple[Cycle, Floats]:
     """Return the cycle and the unknown that Newton's method starts from."""
-    length = TURN * n_periods * (0.5 if images else 1.0)
     orbit, parts = guess.orbit, 2 if images and guess.symmetric else 1
     if orbit is not None and len(orbit.system.mass) == flow.n:
         cycle, unknown = cycle_of(orbit)
@@ -51,6 +50,7 @@ def beginning(
         angles = flow.omega * np.array([real_number(f"near[{i}]", time) for i, time in enumerate(times)])
     if len(angles) != len(stops):
         raise invalid("near", guess.near, f"one time for each of the {len(stops)} stops struck")
+    length = TURN * n_periods * (0.5 if images else 1.0)
     if not (np.diff(np.append(angles, angles[0] + length)) > 0.0).all():
         raise invalid("near", guess.near, f"times in order, within {length / flow.omega:.6g} s")
     events, angles = _with_releases(flow, stops, angles, angles[0] + length)
