@@ -73,11 +73,11 @@ def refine_map(
         return stored.dataset()
 
 
-def _filled_in(given: tuple[int, ...], complete: bool) -> str:
+def _filled_in(coarse: tuple[int, ...], complete: bool) -> str:
     """Return the values of cells that were not computed, and what these may hide."""
     if not complete:
         return "stopped early: the other cells hold the motion of the nearest ones, also where that is no impact"
-    grid = " x ".join(map(str, given))
+    grid = " x ".join(map(str, coarse))
     return (
         "every cell without impacts was computed; the others hold the motion of their neighbours, so that islands of "
         f"another motion between the points of the given {grid} grid may be missing"
@@ -148,9 +148,9 @@ class Batches:
         if not writer.is_done(number):
             return False
         with suppress(OSError):  # damaged since the store was opened: computed again
-            found = {name: values[: len(cells)] for name, values in store.read(number).items()}
-            if np.array_equal(found["cell"], cells):
-                self.picture.put(cells, found, level)
+            stored = {name: values[: len(cells)] for name, values in store.read(number).items()}
+            if np.array_equal(stored["cell"], cells):
+                self.picture.put(cells, stored, level)
                 self._count(len(cells), *writer.cost(number))
                 return True
         return False

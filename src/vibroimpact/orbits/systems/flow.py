@@ -165,7 +165,7 @@ class Flow:
         state: Floats = x + grown @ x + driven @ self.drive(begin)
         return state
 
-    def rate(self, x: Floats, z: Floats, pushing: Pushing = ()) -> Floats:
+    def rate(self, x: Floats, z: Floats, pushing: Pushing) -> Floats:
         """Return x'."""
         phase = self.phase(pushing)
         rate: Floats = phase.matrix @ x + phase.load @ z
