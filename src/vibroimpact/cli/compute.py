@@ -62,7 +62,7 @@ def _motion(function: str, study: Study, options: Options) -> None:
         if options[shown] is not None and not output.is_figure(options):
             raise WrongRequest(f"`--{shown}` needs a figure; add for example --out figure.png")
     began = perf_counter()
-    with refusing(), told_first(study.tell):
+    with refusing(), told_first(study.announce):
         dataset = _call(function, study)
     output.hand_on(dataset, options, perf_counter() - began)
 
@@ -88,7 +88,9 @@ def diagram(options: Options) -> None:
     output.check(options, "bifurcation_diagram", study.settings.get("indices", ()), 1)
     from vibroimpact.execution.threads import GRACE
 
-    _sweep("bifurcation_diagram", Meter("diagram", patience=GRACE, opening=study.tell), study, options, **study.axes)
+    _sweep(
+        "bifurcation_diagram", Meter("diagram", patience=GRACE, opening=study.announce), study, options, **study.axes
+    )
 
 
 @with_options(
@@ -130,7 +132,9 @@ def parameter_map(options: Options) -> None:
     else:
         from vibroimpact.execution.threads import GRACE
 
-        _sweep("parameter_map", Meter("map", patience=GRACE, opening=study.tell), study, options, **study.axes, **more)
+        _sweep(
+            "parameter_map", Meter("map", patience=GRACE, opening=study.announce), study, options, **study.axes, **more
+        )
 
 
 def _with_index(options: Options) -> Study:
@@ -169,7 +173,7 @@ def basins(options: Options) -> None:
     if options["stop"] is not None:
         axes["stop"] = options["stop"]
     output.check(options, "basins")
-    _sweep("basins", Meter("initial conditions", opening=study.tell), study, options, **axes)
+    _sweep("basins", Meter("initial conditions", opening=study.announce), study, options, **axes)
 
 
 def _initial_conditions(study: Study, options: Options) -> dict[str, Any]:
@@ -209,7 +213,7 @@ def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed
     exists = resumed or (place != out and place.exists())
 
     def opening() -> None:  # once it is known to be of the same study
-        study.tell()
+        study.announce()
         if exists:
             files.announce(place)
 
@@ -248,7 +252,7 @@ def describe(options: Options) -> None:
     study = study_of(options)
     import vibroimpact
 
-    with Meter("verdict", opening=study.tell) as meter, refusing():
+    with Meter("verdict", opening=study.announce) as meter, refusing():
         verdict = vibroimpact.describe(
             study.model, progress=meter, **_search(study, options), **study.arguments("describe")
         )
@@ -280,8 +284,8 @@ def compare(options: Options) -> None:
     chosen = second.arguments("compare") | first.arguments("compare")
 
     def opening() -> None:
-        first.tell()
-        second.tell()
+        first.announce()
+        second.announce()
 
     with Meter("comparison", opening=opening) as meter, refusing():
         comparison = vibroimpact.compare(

@@ -52,7 +52,7 @@ def orbit(options: Options) -> None:
     study = study_of(options)
     output.check_looks(options, (".json",))
     began = perf_counter()
-    with told_first(study.tell):
+    with told_first(study.announce):
         orbits = _find(study, options)
     out = options["out"]
     if out is not None and out.suffix.lower() == ".json":
@@ -216,7 +216,7 @@ def follow(options: Options) -> None:
         raise WrongRequest("`--diagram` needs a figure; add for example --out branch.png")
     from vibroimpact.dataset import bundle, provenance
 
-    with Meter("orbits", opening=study.tell) as meter, refusing():
+    with Meter("orbits", opening=study.announce) as meter, refusing():
         doublings = options.value("doublings")
         orbits = _find(study, options)
         branches = _branches(orbits, parameter, span, meter, options.value("step"), doublings)
@@ -329,7 +329,7 @@ def boundary(options: Options) -> None:
 
     output.check(options, "boundary_curves", (*INDICES, MOTION))
     over = output.map_beneath(options, names)
-    with Meter("boundaries", opening=study.tell) as meter, refusing():
+    with Meter("boundaries", opening=study.announce) as meter, refusing():
         curves = (_of_orbits if of_orbits else _all)(study, box, kinds, options, meter)
     if not curves and not meter.stopped:
         _nothing(f"no such boundary found in the plane of {' and '.join(names)}: {curves.message}", options)

@@ -53,7 +53,7 @@ class Study:
         numbers = (f"{name} {text} {table[name].unit}".removesuffix(" 1") for name, text in values.items())
         return f"{getattr(self.model, '__name__', type(self.model).__name__)}: {', '.join(numbers)}"
 
-    def tell(self) -> None:
+    def announce(self) -> None:
         """Say which model and numbers are used, once nothing of the request is refused any more."""
         warning = [f"vibroimpact: {self.warning}"] if self.warning else []
         print(self, *warning, sep="\n", file=sys.stderr, flush=True)

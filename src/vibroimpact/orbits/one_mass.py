@@ -48,7 +48,7 @@ def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[O
     if chain is None:
         few = f"fewer than {cycle.n_impacts} impacts follow from there; begin where the mass hits more often"
         return Orbits(outcome="not_converged", message=few)
-    return _from(model, cycle, cycle_of(chain))
+    return _from(model, cycle, as_cycle(chain))
 
 
 def solve(osc: ImpactOscillator, cycle: Cycle, start: Floats) -> Solved:
@@ -148,7 +148,7 @@ def _chain(samples: Samples, p: int) -> Floats | None:
     return np.concatenate([periods - periods[0] + phases, velocities])
 
 
-def cycle_of(chain: Floats) -> Floats:
+def as_cycle(chain: Floats) -> Floats:
     """Return the cycle that a chain would be if its last impact were its first."""
     p = len(chain) // 2 - 1
     return np.concatenate([chain[:p], chain[p + 1 : -1]])
@@ -190,4 +190,4 @@ def candidates(osc: ImpactOscillator, cycle: Cycle) -> list[Floats]:
     best = misses.ravel() <= np.partition(misses.ravel(), TRIES)[TRIES]
     chosen = np.flatnonzero((lowest.ravel() | best) & np.isfinite(misses.ravel()))
     chosen = chosen[np.argsort(misses.ravel()[chosen])]
-    return [cycle_of(chain) for chain in [attractor, *(chains[j] for j in chosen)] if chain is not None]
+    return [as_cycle(chain) for chain in [attractor, *(chains[j] for j in chosen)] if chain is not None]

@@ -135,7 +135,7 @@ class Batches:
             if not self._recalled(self.chunks, cells, level):
                 waiting[self.chunks] = cells
             self.chunks += 1
-        self._tell()
+        self._report_progress()
         if waiting and not self.stop.is_set():
             self._compute(waiting, self.tile or self.place.part_size(self.request, len(at)), level)
         return not waiting and not self.stop.is_set()
@@ -172,14 +172,14 @@ class Batches:
                     if self.kept and number < len(self.kept[0].tiling):  # more batches are not kept
                         self.kept[1].write(number, chunk | {"cell": cells}, perf_counter() - began)
                         began = perf_counter()
-                self._tell()
+                self._report_progress()
 
     def _count(self, cells: int, impacts: int, steps: int) -> None:
         self.done += cells
         self.dataset.attrs["impacts_computed"] += impacts
         self.dataset.attrs["steps_computed"] += steps
 
-    def _tell(self) -> None:
+    def _report_progress(self) -> None:
         if self.report(self.done, self.needed, self.dataset) is False:
             self.stop.set()
 

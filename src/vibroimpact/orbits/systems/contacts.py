@@ -34,14 +34,14 @@ def contacts_of(cycle: Cycle, unknown: Floats, speeds: Floats) -> tuple[Contact,
     for at in cycle.impacts:
         stop = cycle.events[at].stop
         if flow.compliant[stop]:
-            contacts.append(_pressed(cycle, unknown, at))
+            contacts.append(_on_compliant(cycle, unknown, at))
         else:
             impulse = (1.0 + flow.rebound(stop, -speeds[at])[0]) * speeds[at] * flow.omega / flow.lengths[stop]
             contacts.append(Contact(float(impulse)))
     return tuple(contacts)
 
 
-def _pressed(cycle: Cycle, unknown: Floats, at: int) -> Contact:
+def _on_compliant(cycle: Cycle, unknown: Floats, at: int) -> Contact:
     """Return the sums over the legs of one contact."""
     flow, begun = cycle.flow, cycle.events[at].stop
     time = impulse = lost = force = depth = 0.0

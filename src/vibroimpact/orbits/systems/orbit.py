@@ -227,9 +227,9 @@ def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> SystemOrbit:
     halves: tuple[complex, ...] = ()
     speeds = cycle.speeds(unknown)
     speeds[np.abs(speeds) <= ROUNDING * np.abs(unknown[p:]).max()] = 0.0
-    rigid = any(not flow.compliant[cycle.events[at].stop] for at in np.flatnonzero(speeds == 0.0))
-    felt, neutral = np.count_nonzero(~flow.neutral), cycle.neutral()
-    multipliers = (complex(math.inf), *(0j for _ in range(felt - 1))) if rigid else cycle.multipliers(unknown)
+    grazes_rigid = any(not flow.compliant[cycle.events[at].stop] for at in np.flatnonzero(speeds == 0.0))
+    number, neutral = np.count_nonzero(~flow.neutral), cycle.neutral()
+    multipliers = (complex(math.inf), *(0j for _ in range(number - 1))) if grazes_rigid else cycle.multipliers(unknown)
     if cycle.images:
         halves = multipliers
         multipliers, neutral = (tuple(value * value for value in values) for values in (multipliers, neutral))

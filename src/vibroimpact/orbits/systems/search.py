@@ -21,7 +21,7 @@ from vibroimpact.orbits.orbit import same_orbit, true_cycle
 from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits, lost, numbers_of, ordered, other_name
 from vibroimpact.orbits.systems.closed_form import one_impact
 from vibroimpact.orbits.systems.cycle import Cycle
-from vibroimpact.orbits.systems.events import struck
+from vibroimpact.orbits.systems.events import impacts_on
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.guesses import beginning, traced
 from vibroimpact.orbits.systems.one_contact import one_contact
@@ -71,14 +71,14 @@ def striking(
         return Orbits(outcome="none", message=why)
     if stops is None and guess.stops:
         stops = numbers_of(guess.stops[: len(guess.stops) // (2 if symmetric else 1)], system.stop_names)
-    every = [(at,) for at in range(len(system.stops)) if not symmetric or at < images[at]]
-    sequences = every if stops is None else [stops]
+    singles = [(at,) for at in range(len(system.stops)) if not symmetric or at < images[at]]
+    sequences = singles if stops is None else [stops]
     if not sequences:
         raise invalid("stops", None, f"1 to {IMPACTS} stops to strike", "the system has none")
     flow, mirrored = Flow(system), images if symmetric else ()
     needs_no_guess = guess.none or not (guess.only_state or flow.compliant[sequences[0][0]])
     if len(sequences[0]) == 1 and needs_no_guess:
-        return _of_one(model, [Cycle(flow, n_periods, struck(sequence), mirrored) for sequence in sequences])
+        return _of_one(model, [Cycle(flow, n_periods, impacts_on(sequence), mirrored) for sequence in sequences])
     return _from(model, *beginning(flow, n_periods, sequences[0], mirrored, guess), images)
 
 
@@ -88,8 +88,8 @@ def cycles_of_one_impact(system: ImpactSystem, n_periods: int) -> list[Cycle]:
     On a compliant stop contact begins, and when it ends is to be found.
     """
     flow, images = Flow(system), mirror(system)[0] if n_periods % 2 else ()
-    cycles = [Cycle(flow, n_periods, struck((stop,))) for stop in range(len(system.stops))]
-    return cycles + [Cycle(flow, n_periods, struck((at,)), images) for at, image in enumerate(images) if at < image]
+    cycles = [Cycle(flow, n_periods, impacts_on((stop,))) for stop in range(len(system.stops))]
+    return cycles + [Cycle(flow, n_periods, impacts_on((at,)), images) for at, image in enumerate(images) if at < image]
 
 
 def of_one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
@@ -208,8 +208,8 @@ def find_near(
     model: Model, n_periods: int, stops: Sequence[int], times: Sequence[float], state: State
 ) -> Orbits[SystemOrbit]:
     """Return the orbit that a motion has settled to, by the times of its impacts, or by a state where contacts last."""
-    every = model.at().stops
-    guess = Guess.of(state) if any(every[stop].compliant for stop in stops) else Guess(times)
+    all_stops = model.at().stops
+    guess = Guess.of(state) if any(all_stops[stop].compliant for stop in stops) else Guess(times)
     try:
         return striking(model, n_periods, tuple(stops), guess)
     except ValueError:  # the motion does not repeat these impacts

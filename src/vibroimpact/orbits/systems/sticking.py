@@ -36,10 +36,10 @@ from vibroimpact.parameters import invalid
 SETTLING = 1000  # driving periods from rest, before those that Newton's method starts from
 
 
-class _Cycle(NamedTuple):
+class _History(NamedTuple):
     """What happens in a cycle that is followed from a time in driving periods, in this order of time.
 
-    Impacts have a time, a stop, a velocity (m/s) and an impulse (N s) each; `moves` are the coordinates at its
+    Impacts have a time, a stop, a velocity (m/s) and an impulse (N s) each; `displacements` are the coordinates at its
     beginning and after each period, less a free centre.
     """
 
@@ -48,7 +48,7 @@ class _Cycle(NamedTuple):
     velocities: Floats
     impulses: Floats
     rests: tuple[Rest, ...]
-    moves: Floats
+    displacements: Floats
 
 
 def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOrbit]:
@@ -63,22 +63,23 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOr
     try:
         state = guess.state or _settled(system)
         if not guess.sticks:
-            state = _quiet(system, carrier, state, n_periods)
+            state = _quiet_state(system, carrier, state, n_periods)
         solved, derivative = _solve(carrier, state, system.period, n_periods)
     except ValueError as error:  # beyond a stop, or not to be followed
         return Orbits(outcome="not_converged", message=str(error))
     if solved.singular or not solved.converged:
         return lost(solved, name)
     state = _state(carrier, solved.z, state.time)
-    cycle = _follow(system, state, n_periods)
-    apart = np.abs(cycle.moves - cycle.moves[0]).max(axis=1) / np.abs(cycle.moves[0]).max()
-    periods = next(n for n in range(1, n_periods + 1) if n_periods % n == 0 and apart[n] <= SAME)
-    if not (cycle.rests and len(cycle.times)):
-        reached = cycle_name(periods, len(cycle.times) * periods // n_periods)
+    history = _follow(system, state, n_periods)
+    first = history.displacements[0]
+    distances = np.abs(history.displacements - first).max(axis=1) / np.abs(first).max()
+    periods = next(n for n in range(1, n_periods + 1) if n_periods % n == 0 and distances[n] <= SAME)
+    if not (history.rests and len(history.times)):
+        reached = cycle_name(periods, len(history.times) * periods // n_periods)
         return Orbits(outcome="other_name", message=f"converged to a {reached} orbit, which rests at no stop")
     if periods < n_periods:
         return other_name(cycle_name(periods, -1), name)
-    orbit = _orbit(model, cycle, state, multipliers_of(derivative), n_periods)
+    orbit = _orbit(model, history, state, multipliers_of(derivative), n_periods)
     return Orbits([orbit], message=f"1 {name} orbit")
 
 
@@ -96,7 +97,7 @@ def _state(carrier: Carrier, x: Floats, time: float) -> State:
     return State(displacement.tolist(), velocity.tolist(), time)
 
 
-def _follow(system: ImpactSystem, state: State, n_periods: int) -> _Cycle:
+def _follow(system: ImpactSystem, state: State, n_periods: int) -> _History:
     """Return the events within n periods of a motion; rests that last beyond them are followed to their ends."""
     samples: Any
     window = StroboscopicWindow(0, 2 * n_periods + 1)
@@ -112,7 +113,7 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _Cycle:
         lasts = math.isnan(end)
         if first < begin < first + n_periods or (lasts and begin <= first):
             rests.append(Rest(names[stop], float(begin), float(first + n_periods if lasts else end)))
-    return _Cycle(
+    return _History(
         times[within],
         tuple(names[stop] for stop in samples.impact_stop[within]),
         samples.impact_velocity[within],
@@ -122,11 +123,11 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _Cycle:
     )
 
 
-def _quiet(system: ImpactSystem, carrier: Carrier, state: State, n_periods: int) -> State:
+def _quiet_state(system: ImpactSystem, carrier: Carrier, state: State, n_periods: int) -> State:
     """Return a motion's state in the middle of its longest quiet time, with all stops open if it has one."""
-    cycle, first = _follow(system, state, n_periods), state.time / system.period
-    begins, ends = np.array([rest[1:] for rest in cycle.rests]).reshape(-1, 2).T
-    times = first + (np.concatenate([cycle.times, begins, ends]) - first) % n_periods
+    history, first = _follow(system, state, n_periods), state.time / system.period
+    begins, ends = np.array([rest[1:] for rest in history.rests]).reshape(-1, 2).T
+    times = first + (np.concatenate([history.times, begins, ends]) - first) % n_periods
     times = np.unique([first, *times, first + n_periods])
     middles, lengths = 0.5 * (times[1:] + times[:-1]), np.diff(times)
     free = ((middles[:, None] - begins) % n_periods >= ends - begins).all(axis=1)
@@ -167,27 +168,29 @@ def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tup
     return Solved(x, False), derivative
 
 
-def _orbit(model: Model, cycle: _Cycle, state: State, multipliers: tuple[complex, ...], n_periods: int) -> SystemOrbit:
+def _orbit(
+    model: Model, history: _History, state: State, multipliers: tuple[complex, ...], n_periods: int
+) -> SystemOrbit:
     system: ImpactSystem = model.at()
-    whole = math.floor(cycle.times[0])
-    turns = tuple((cycle.times - whole).tolist())
-    rests = tuple(Rest(stop, begin - whole, end - whole) for stop, begin, end in cycle.rests)
-    struck = set(zip(cycle.stops, turns, strict=True))
+    whole = math.floor(history.times[0])
+    turns = tuple((history.times - whole).tolist())
+    rests = tuple(Rest(stop, begin - whole, end - whole) for stop, begin, end in history.rests)
+    struck = set(zip(history.stops, turns, strict=True))
     chatters = any((rest.stop, rest.begin) not in struck for rest in rests if rest.end - rest.begin < n_periods)
     stick, release, stuck = at_rest(rests, n_periods, system.period)
     return SystemOrbit(
         oscillator=system,
         n_periods=n_periods,
         n_impacts=-1 if chatters else len(turns),
-        stops=cycle.stops,
+        stops=history.stops,
         turns=turns,
-        velocities=tuple(cycle.velocities.tolist()),
+        velocities=tuple(history.velocities.tolist()),
         phases=phases_of(turns),
-        impulses=tuple(cycle.impulses.tolist()),
+        impulses=tuple(history.impulses.tolist()),
         start=state,
         multipliers=multipliers,
         family=family_of(model),
-        contacts=tuple(Contact(impulse) for impulse in cycle.impulses.tolist()),
+        contacts=tuple(Contact(impulse) for impulse in history.impulses.tolist()),
         neutral=multipliers_of(Flow(system).drift(TURN * n_periods)),
         rests=rests,
         stick_phase=stick,
