@@ -59,7 +59,7 @@ def section(options: Options) -> None:
 def _motion(function: str, study: Study, options: Options) -> None:
     output.check(options, function)
     for shown in ("coordinate", "stop"):
-        if options[shown] is not None and not output.is_figure(options):
+        if options[shown] is not None and not output.is_figure(options["out"]):
             raise WrongRequest(f"`--{shown}` needs a figure; add for example --out figure.png")
     began = perf_counter()
     with refusing(), told_first(study.announce):
@@ -112,13 +112,13 @@ def parameter_map(options: Options) -> None:
       vibroimpact map --x w=1:3:99 --y g=0:3:99 --starts 16 --out worst.png
       vibroimpact map study.toml -p damping=0.02 --workers 4
     """
-    needed = output.NEEDS.get(options["figure"] or "", ()) if output.is_figure(options) else ()
+    needed = output.NEEDS.get(options["figure"] or "", ()) if output.is_figure(options["out"]) else ()
     if needed and options["indices"] is None:  # those the figure is drawn from
         options = options.with_values(indices=",".join(needed))
     study = _with_index(options)
     if not study.axes:
         raise WrongRequest("a map needs an axis; for example --x omega=0.025:5:200")
-    if study.settings.get("by_stop") and output.is_figure(options):
+    if study.settings.get("by_stop") and output.is_figure(options["out"]):
         raise WrongRequest(
             "a figure shows one stop; with --by-stop write data, then `vibroimpact plot FILE --stop NAME`"
         )

@@ -212,7 +212,7 @@ def follow(options: Options) -> None:
     study = study_of(options)
     ((parameter, span),) = _ranges(study, 1).items()
     output.check(options, "continue_orbit")
-    if options["diagram"] and not output.is_figure(options):
+    if options["diagram"] and not output.is_figure(options["out"]):
         raise WrongRequest("`--diagram` needs a figure; add for example --out branch.png")
     from vibroimpact.dataset import bundle, provenance
 

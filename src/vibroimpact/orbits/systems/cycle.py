@@ -99,10 +99,14 @@ class Cycle:
         """The largest rate, per unit of the driving angle, at which anything changes in the cycle."""
         return max(self.flow.phase(pushing).fastest for pushing in self.phases)
 
+    @cached_property
+    def next_events(self) -> tuple[Event, ...]:
+        """The events of the next cycle, or of the other half of this one."""
+        return tuple(event.in_mirror(self.images) for event in self.events) if self.images else self.events
+
     def event_after(self, i: int) -> Event:
         """Return the event that leg i ends with."""
-        first = self.events[0]
-        return (*self.events, first.in_mirror(self.images) if self.images else first)[i + 1]
+        return (*self.events, self.next_events[0])[i + 1]
 
     def angles(self, unknown: Floats) -> Floats:
         """Return the driving angles of the events, and of the first one of the next cycle."""
@@ -111,15 +115,14 @@ class Cycle:
 
     def whole(self, unknown: Floats) -> tuple[Cycle, Floats]:
         """Return the cycle that this is half of, and its unknown."""
-        p, later = len(self.events), tuple(event.in_mirror(self.images) for event in self.events)
-        cycle = replace(self, events=self.events + later, images=())
+        p = len(self.events)
+        cycle = replace(self, events=self.events + self.next_events, images=())
         return cycle, np.concatenate([unknown[:p], unknown[:p] + self.length, unknown[p:]])
 
     def rotated(self, unknown: Floats, first: int) -> tuple[Cycle, Floats]:
         """Return the same cycle from another event on, and its unknown."""
-        p, events = len(self.events), self.events
-        later = tuple(event.in_mirror(self.images) for event in events[:first]) if self.images else events[:first]
-        cycle = replace(self, events=events[first:] + later, pushing=self.phases[first])
+        p = len(self.events)
+        cycle = replace(self, events=self.events[first:] + self.next_events[:first], pushing=self.phases[first])
         angles = np.append(unknown[first:p], unknown[:first] + self.length)
         return cycle, np.append(angles, self.states(unknown)[first])
 

@@ -170,8 +170,8 @@ def halved(cycle: Cycle, unknown: Floats, images: tuple[int, ...]) -> tuple[Cycl
     """Return half of a cycle and its unknown, if the mirror makes the second half of the first, else both unchanged."""
     p, angles = len(cycle.events), unknown[: len(cycle.events)]
     half = replace(cycle, events=cycle.events[: p // 2], images=images)
-    image = tuple(event.in_mirror(images) for event in half.events) if images else ()
-    if cycle.images or cycle.n_periods % 2 == 0 or not image or cycle.events[p // 2 :] != image:
+    possible = images and not cycle.images and cycle.n_periods % 2
+    if not possible or cycle.events[p // 2 :] != half.next_events:
         return cycle, unknown
     x, mirrored = (state[~cycle.flow.neutral] for state in (unknown[p:], cycle.states(unknown)[p // 2]))
     late = np.abs(angles[p // 2 :] - angles[: p // 2] - half.length).max()
