@@ -54,7 +54,7 @@ Parameters = Sequence[float]  # m, c, k, f, w, r, g
 TURN = 2.0 * math.pi
 NEAR = 0.5  # of rate times duration: nodes nearer than this are not subtracted from one another
 STRIDE = 0.15  # radians of the fastest rate between two samples of a flight
-MOST_SAMPLES = 1 << 15
+FEWEST_SAMPLES, MOST_SAMPLES = 16, 1 << 15  # of a flight
 # Two orbits are one, and a cycle repeats, if nowhere they differ by more than this: of the fastest impact, of a driving
 # period, and in sine and cosine of the driving angle. Newton's method leaves 1e-14 times the condition number.
 SAME = 1e-7
@@ -164,7 +164,7 @@ class Flight:
 
     def sampled(self, angle: float, rate: float, tau: float) -> tuple[Floats, Floats, Floats]:
         """Return times, gaps and rates along a flight from the stop, dense enough to show every near-miss."""
-        number = min(MOST_SAMPLES, max(16, math.ceil(abs(tau) * self.fastest / STRIDE)))
+        number = min(MOST_SAMPLES, max(FEWEST_SAMPLES, math.ceil(abs(tau) * self.fastest / STRIDE)))
         step = tau / number
         q, dq, steady, driven, hurried = self.responses(step)
         sine, cosine = math.sin(self.omega * step), math.cos(self.omega * step)

@@ -11,13 +11,12 @@ import numpy as np
 from vibroimpact.backends.base import Counts
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.admissibility import ROUNDING
-from vibroimpact.orbits.equations import STRIDE, TURN
+from vibroimpact.orbits.equations import FEWEST_SAMPLES, STRIDE, TURN
 from vibroimpact.orbits.systems.cycle import Cycle, Leg
 from vibroimpact.orbits.systems.events import PUSH_AGAIN, Pushing
 from vibroimpact.orbits.systems.flow import Flow
 
 MOST_SAMPLES = 1 << 16  # in a leg
-FEWEST_SAMPLES = 16
 TERMS = 14  # of a power series over one stride: 0.15^14/14! is below rounding
 BISECTIONS = 60
 RESOLVED = float(np.finfo(float).eps)  # of a step: how far from a minimum one may be, whose value is flat there

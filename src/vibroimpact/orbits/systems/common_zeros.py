@@ -32,7 +32,7 @@ Coefficients = Callable[[Floats, float], Floats]
 
 DEGREE = 16  # of the series
 RESOLVED = 1e-9
-FEWEST, MOST = 4, 128  # intervals of one length; of more, those of longer durations are left out
+FEWEST_INTERVALS, MOST_INTERVALS = 4, 128  # of one length; of more, those of longer durations are left out
 SMOOTH = 0.1  # the last terms fall to less where an interval is halved, unless they are rounding,
 ROUNDED = 1e-6  # which they are at most that part of the largest to be
 SHORTEST = 2.0**-40  # of the length: shorter intervals hold nothing but rounding
@@ -121,8 +121,8 @@ def common_zeros(coefficients: Coefficients, length: float, orders: Floats) -> Z
 
 def _interpolated(coefficients: Coefficients, length: float) -> tuple[Series, Floats]:
     """Return the series of coefficients between 0 and a length, and the ends of intervals that are left out."""
-    width, pieces, unresolved = length / FEWEST, [], np.array([])
-    lows, before = width * np.arange(float(FEWEST)), np.full((FEWEST, 2), np.inf)
+    width, pieces, unresolved = length / FEWEST_INTERVALS, [], np.array([])
+    lows, before = width * np.arange(float(FEWEST_INTERVALS)), np.full((FEWEST_INTERVALS, 2), np.inf)
     while len(lows):
         terms = np.einsum("kj,pjiz->pikz", TO_TERMS, coefficients(lows, width))
         rest, sizes = np.abs(terms[:, :, -2:]).sum(axis=(2, 3)), np.abs(terms).max(axis=(2, 3))
@@ -133,9 +133,9 @@ def _interpolated(coefficients: Coefficients, length: float) -> tuple[Series, Fl
         lows = (lows[~done, None] + [0.0, width]).ravel()
         if width < SHORTEST * length:
             unresolved, lows = np.concatenate([unresolved, lows, lows + width]), lows[:0]
-        if len(lows) > MOST:
-            unresolved = np.concatenate([unresolved, lows[MOST:], lows[MOST:] + width])
-            lows, before = lows[:MOST], before[:MOST]
+        if len(lows) > MOST_INTERVALS:
+            unresolved = np.concatenate([unresolved, lows[MOST_INTERVALS:], lows[MOST_INTERVALS:] + width])
+            lows, before = lows[:MOST_INTERVALS], before[:MOST_INTERVALS]
     return Series(*map(np.concatenate, zip(*pieces, strict=True))), unresolved
 
 

@@ -20,8 +20,8 @@ from vibroimpact.parameters import invalid, real_number, several
 
 CHUNK = 15.0  # radians of the fastest rate that are looked at at once
 HALVINGS = 50
-MOST = 1000  # events
-LEAST = 0.4  # of the time to the next event: a contact is guessed to be that long at most
+MOST_EVENTS = 1000
+SHARE = 0.4  # of the time to the next event: a contact is guessed to be that long at most
 
 
 def beginning(
@@ -89,7 +89,7 @@ def traced(flow: Flow, n_periods: int, state: Any, stops: tuple[int, ...] | int)
     passed: list[Occurrence] = []
     pushing, last, last_stop = pressed(flow, x, flow.drive(angle)), angle + TURN * (2 * n_periods + 1), -1
     while sum(each.event.kind == IMPACT for each in passed) <= number:
-        if angle > last or len(passed) > MOST:
+        if angle > last or len(passed) > MOST_EVENTS:
             return None
         longest = CHUNK / flow.phase(pushing).fastest
         occurrence = _next(flow, x, angle, longest, pushing, last_stop)
@@ -189,5 +189,5 @@ def _with_releases(flow: Flow, stops: tuple[int, ...], angles: Floats, end: floa
         times.append(touch)
         if flow.compliant[stop]:
             events.append(Event(stop, LET_GO))
-            times.append(touch + min(np.pi / flow.phase((stop,)).fastest, LEAST * (after - touch)))
+            times.append(touch + min(np.pi / flow.phase((stop,)).fastest, SHARE * (after - touch)))
     return tuple(events), np.array(times)

@@ -34,7 +34,7 @@ from vibroimpact.orbits.systems.events import IMPACT, LET_GO, Event, Pushing
 from vibroimpact.orbits.systems.flow import Flow, growth
 from vibroimpact.parameters import counted
 
-MANY = 256  # orbits of one contact
+MOST_ORBITS = 256  # of one contact: more are not isolated
 CLOSED = 1e-3  # of the orbit's size, and of the largest force: what is farther from an orbit is none
 SHARES = (np.arange(8) + 0.5) / 8  # of a contact, at which the stop must not pull
 
@@ -47,7 +47,7 @@ def one_contact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
         return [], why
     zeros = common_zeros(lambda lows, width: _coefficients(cycle, lows, width), cycle.length, flow.orders)
     starts = _starts(cycle, zeros.durations, zeros.angles)
-    if len(starts) > MANY:
+    if len(starts) > MOST_ORBITS:
         return [], "contacts of many durations repeat: orbits are not isolated"
     solutions: list[Floats] = []
     contacts: list[Impacts] = []

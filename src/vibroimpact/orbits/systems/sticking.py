@@ -24,7 +24,7 @@ from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import SAME, TURN
-from vibroimpact.orbits.newton import CLOSE, MOST, SINGULAR, Solved
+from vibroimpact.orbits.newton import CLOSE, MOST_STEPS, SHORTEST, SINGULAR, Solved
 from vibroimpact.orbits.orbit import family_of, phases_of
 from vibroimpact.orbits.results import Guess, Orbits, lost, other_name
 from vibroimpact.orbits.systems.contacts import Contact
@@ -146,7 +146,7 @@ def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tup
     felt = ~carrier.neutral
     beside = np.ix_(felt, felt)
     end, derivative = carrier.over(x, phase, n_periods)
-    for _ in range(MOST):
+    for _ in range(MOST_STEPS):
         derivative = derivative[beside]
         matrix = np.eye(len(derivative)) - derivative
         if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > SINGULAR:
@@ -154,7 +154,7 @@ def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tup
         step, part, size = np.zeros(len(x)), 1.0, np.abs(x[felt]).max()
         step[felt] = np.linalg.solve(matrix, (end - x)[felt])
         small = np.abs(step).max() < CLOSE * size
-        while part > 1e-3:
+        while part > SHORTEST:
             trial = x + part * step
             later, slope = carrier.over(trial, phase, n_periods)
             if small or np.abs((later - trial)[felt]).max() < np.abs((end - x)[felt]).max():
