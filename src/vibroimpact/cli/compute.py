@@ -224,9 +224,9 @@ def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed
     ):
         _call("parameter_map", study, progress=meter, store=place, **study.axes, **more)
     if meter.stopped:
-        kept = f"{out} is unchanged; " if place != out else ""
+        unchanged = f"{out} is unchanged; " if place != out else ""
         state = files.state_of(place, meter.seconds)
-        raise Interrupted(f"interrupted; {kept}{state}; run the same command again to continue")
+        raise Interrupted(f"interrupted; {unchanged}{state}; run the same command again to continue")
     typer.echo(f"wrote {files.state_of(out, meter.seconds)}")
 
 

@@ -47,9 +47,9 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
         after, drive = np.split(leg.start, [2 * flow.n])
         if flow.restitution[event.stop] == 0.0 and flow.clearance(event.stop, after, drive, leg.pushing)[2] < 0.0:
             return f"after impact {number} it comes to rest at {names[event.stop]!r}"
-        met = _first_beyond(*flown(cycle, unknown, i), event.stop, cycle.event_after(i).stop)
-        if met is not None:
-            angle, other, depth = met
+        penetration = _first_beyond(*flown(cycle, unknown, i), event.stop, cycle.event_after(i).stop)
+        if penetration is not None:
+            angle, other, depth = penetration
             if depth == 0.0:
                 return f"the impact after impact {number} would strike {names[other]!r} at the same time"
             phase = (angles[i] + angle) / TURN % 1.0

@@ -43,7 +43,7 @@ def contacts_of(cycle: Cycle, unknown: Floats, speeds: Floats) -> tuple[Contact,
 
 def _on_compliant(cycle: Cycle, unknown: Floats, at: int) -> Contact:
     """Return the sums over the legs of one contact."""
-    flow, begun = cycle.flow, cycle.events[at].stop
+    flow, struck = cycle.flow, cycle.events[at].stop
     time = impulse = lost = force = depth = 0.0
     for stop, leg in _legs(cycle, unknown, at):
         if stop not in leg.pushing:
@@ -60,8 +60,8 @@ def _on_compliant(cycle: Cycle, unknown: Floats, at: int) -> Contact:
             lost += float(((pulled * rates) @ weights).sum())
         force = -min(-force, pulling[0].min(), turning_points(pull, samples, pulling[1])[1].min(initial=math.inf))
         depth = -min(-depth, gaps[0].min(), turning_points(row, samples, gaps[1])[1].min(initial=math.inf))
-    length, omega = float(flow.lengths[begun]), flow.omega
-    unit = float(flow.stiffness[begun]) * (1.0 + flow.lag(begun)) * omega  # of impulses over the length
+    length, omega = float(flow.lengths[struck]), flow.omega
+    unit = float(flow.stiffness[struck]) * (1.0 + flow.lag(struck)) * omega  # of impulses over the length
     impulse, force = unit * impulse / length, unit * omega * force / length
     return Contact(impulse, time / omega, float(force), float(length * depth), unit * omega * lost)
 

@@ -170,16 +170,16 @@ class Laboratory:
 
         Bisection to 1e-4; each attempt starts from the last impact of the nearest one that kept the name.
         """
-        kept = self.section(omega=inside, **changes)
-        if recognise(kept).name != name:
+        settled = self.section(omega=inside, **changes)
+        if recognise(settled).name != name:
             return float("nan")
         while abs(outside - inside) > 1e-4:
             middle = 0.5 * (inside + outside)
             osc = OSCILLATOR.replace(omega=middle, **changes)
-            start = vi.State(osc.gap, float(kept["velocity"][-1]), float(kept["phase"][-1]) * osc.period)
+            start = vi.State(osc.gap, float(settled["velocity"][-1]), float(settled["phase"][-1]) * osc.period)
             attempt = self._section(start=start, omega=middle, **changes)
             if recognise(attempt).name == name:
-                inside, kept = middle, attempt
+                inside, settled = middle, attempt
             else:
                 outside = middle
         return inside
@@ -192,8 +192,8 @@ class Laboratory:
             osc, periods=int(np.ceil(WINDOW[1] / osc.period)), samples_per_period=1, backend=backend, **options
         )
         time, velocity = run["impact_time"].values, run["impact_velocity"].values
-        kept = (time >= WINDOW[0]) & (time <= WINDOW[1])
-        return Window(time[kept], velocity[kept], np.mod(time[kept] / osc.period, 1.0))
+        within = (time >= WINDOW[0]) & (time <= WINDOW[1])
+        return Window(time[within], velocity[within], np.mod(time[within] / osc.period, 1.0))
 
     def _unsettled(self, low: float, high: float) -> str:
         """Say at how many frequencies of an interval the paper's scheme shows no cycle within its window."""
