@@ -73,7 +73,8 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOr
     history = _follow(system, state, n_periods)
     first = history.displacements[0]
     distances = np.abs(history.displacements - first).max(axis=1) / np.abs(first).max()
-    periods = next(n for n in range(1, n_periods + 1) if n_periods % n == 0 and distances[n] <= SAME)
+    sooner = (n for n in range(1, n_periods) if n_periods % n == 0 and distances[n] <= SAME)
+    periods = next(sooner, n_periods)
     if not (history.rests and len(history.times)):
         reached = cycle_name(periods, len(history.times) * periods // n_periods)
         return Orbits(outcome="other_name", message=f"converged to a {reached} orbit, which rests at no stop")
