@@ -579,7 +579,7 @@ def test_the_study_file_is_one_that_the_command_reads(tmp_path):
     from vibroimpact.cli.study import make_study
 
     assert make_study(tomllib.loads(study_file(SMALL))).axes
-    assert make_study(tomllib.loads(study_file(replace(SMALL, worst=True)))).given["starts"] == 17
+    assert make_study(tomllib.loads(study_file(replace(SMALL, worst=True)))).settings["starts"] == 17
 
 
 @pytest.mark.long

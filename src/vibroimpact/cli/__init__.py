@@ -32,8 +32,8 @@ def _run(arguments: Sequence[str] | None) -> int:
         from typer import Abort
 
         try:
-            given = None if arguments is None else list(arguments)
-            code = commands().main(args=given, prog_name="vibroimpact", standalone_mode=False)
+            argv = None if arguments is None else list(arguments)
+            code = commands().main(args=argv, prog_name="vibroimpact", standalone_mode=False)
             sys.stdout.flush()
             if code == INTERRUPTED:  # what typer returns for a Ctrl-C that nobody caught
                 return _report("interrupted", INTERRUPTED)

@@ -53,16 +53,16 @@ def section(options: Options) -> None:
       vibroimpact section -p frequency=0.45 --kind stroboscopic --out poincare.png
     """
     study = study_of(options)
-    _motion(f"{study.given.get('section', 'impact')}_section", study, options)
+    _motion(f"{study.settings.get('section', 'impact')}_section", study, options)
 
 
 def _motion(function: str, study: Study, options: Options) -> None:
     output.check(options, function)
     for shown in ("coordinate", "stop"):
-        if options[shown] is not None and not output.is_figure(options):
+        if options[shown] is not None and not output.is_figure(options["out"]):
             raise WrongRequest(f"`--{shown}` needs a figure; add for example --out figure.png")
     began = perf_counter()
-    with refusing(), told_first(study.tell):
+    with refusing(), told_first(study.announce):
         dataset = _call(function, study)
     output.hand_on(dataset, options, perf_counter() - began)
 
@@ -85,10 +85,12 @@ def diagram(options: Options) -> None:
     if len(study.axes) != 1:
         got = " and ".join(study.axes) or "none"
         raise WrongRequest(f"a diagram needs exactly one axis, got {got}; for example --x omega=0.025:5:200")
-    output.check(options, "bifurcation_diagram", study.given.get("indices", ()), 1)
+    output.check(options, "bifurcation_diagram", study.settings.get("indices", ()), 1)
     from vibroimpact.execution.threads import GRACE
 
-    _sweep("bifurcation_diagram", Meter("diagram", patience=GRACE, opening=study.tell), study, options, **study.axes)
+    _sweep(
+        "bifurcation_diagram", Meter("diagram", patience=GRACE, opening=study.announce), study, options, **study.axes
+    )
 
 
 @with_options(
@@ -110,27 +112,29 @@ def parameter_map(options: Options) -> None:
       vibroimpact map --x w=1:3:99 --y g=0:3:99 --starts 16 --out worst.png
       vibroimpact map study.toml -p damping=0.02 --workers 4
     """
-    needed = output.NEEDS.get(options["figure"] or "", ()) if output.is_figure(options) else ()
+    needed = output.NEEDS.get(options["figure"] or "", ()) if output.is_figure(options["out"]) else ()
     if needed and options["indices"] is None:  # those the figure is drawn from
         options = options.with_values(indices=",".join(needed))
     study = _with_index(options)
     if not study.axes:
         raise WrongRequest("a map needs an axis; for example --x omega=0.025:5:200")
-    if study.given.get("by_stop") and output.is_figure(options):
+    if study.settings.get("by_stop") and output.is_figure(options["out"]):
         raise WrongRequest(
             "a figure shows one stop; with --by-stop write data, then `vibroimpact plot FILE --stop NAME`"
         )
     stored = files.is_store(options)
     resumed = stored and files.store_exists(options)
     if not resumed:
-        output.check(options, "parameter_map", study.given.get("indices", ("std",)), len(study.axes))
+        output.check(options, "parameter_map", study.settings.get("indices", ("std",)), len(study.axes))
     more = options.given("tile", "refine", "cluster")
     if stored:
         _into_store(study, options, more, resumed=resumed)
     else:
         from vibroimpact.execution.threads import GRACE
 
-        _sweep("parameter_map", Meter("map", patience=GRACE, opening=study.tell), study, options, **study.axes, **more)
+        _sweep(
+            "parameter_map", Meter("map", patience=GRACE, opening=study.announce), study, options, **study.axes, **more
+        )
 
 
 def _with_index(options: Options) -> Study:
@@ -138,11 +142,11 @@ def _with_index(options: Options) -> Study:
     study, index = study_of(options), options["index"]
     from vibroimpact.indices import check_indices
 
-    computed = study.given.get("indices", ())
+    computed = study.settings.get("indices", ())
     if index is None or index in computed:
         return study
     with refusing():
-        return replace(study, given={**study.given, "indices": check_indices([*computed, index])})
+        return replace(study, settings={**study.settings, "indices": check_indices([*computed, index])})
 
 
 @with_options(
@@ -162,14 +166,14 @@ def basins(options: Options) -> None:
     """
     study = study_of(options)
     axes = _initial_conditions(study, options)
-    if set(axes) - {"phase", "velocity"} and "phase" in study.given:
-        axes["phase"] = study.given["phase"]
+    if set(axes) - {"phase", "velocity"} and "phase" in study.settings:
+        axes["phase"] = study.settings["phase"]
     elif options["phase"] is not None:
         raise WrongRequest("`--phase` goes with an axis of displacement; for impacts write --x phase=0:1:200")
     if options["stop"] is not None:
         axes["stop"] = options["stop"]
     output.check(options, "basins")
-    _sweep("basins", Meter("initial conditions", opening=study.tell), study, options, **axes)
+    _sweep("basins", Meter("initial conditions", opening=study.announce), study, options, **axes)
 
 
 def _initial_conditions(study: Study, options: Options) -> dict[str, Any]:
@@ -209,7 +213,7 @@ def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed
     exists = resumed or (place != out and place.exists())
 
     def opening() -> None:  # once it is known to be of the same study
-        study.tell()
+        study.announce()
         if exists:
             files.announce(place)
 
@@ -220,9 +224,9 @@ def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed
     ):
         _call("parameter_map", study, progress=meter, store=place, **study.axes, **more)
     if meter.stopped:
-        kept = f"{out} is unchanged; " if place != out else ""
+        unchanged = f"{out} is unchanged; " if place != out else ""
         state = files.state_of(place, meter.seconds)
-        raise Interrupted(f"interrupted; {kept}{state}; run the same command again to continue")
+        raise Interrupted(f"interrupted; {unchanged}{state}; run the same command again to continue")
     typer.echo(f"wrote {files.state_of(out, meter.seconds)}")
 
 
@@ -248,7 +252,7 @@ def describe(options: Options) -> None:
     study = study_of(options)
     import vibroimpact
 
-    with Meter("verdict", opening=study.tell) as meter, refusing():
+    with Meter("verdict", opening=study.announce) as meter, refusing():
         verdict = vibroimpact.describe(
             study.model, progress=meter, **_search(study, options), **study.arguments("describe")
         )
@@ -272,22 +276,22 @@ def compare(options: Options) -> None:
       vibroimpact compare old.toml new.toml
       vibroimpact compare old.toml new.toml --out both.png
     """
-    files = [options["first"], options["second"]]
-    first, second = (study_of(options, file) for file in files)
+    paths = [options["first"], options["second"]]
+    first, second = (study_of(options, path) for path in paths)
     output.check_looks(options, (*output.FIGURE_ENDINGS, ".json"))
     import vibroimpact
 
     chosen = second.arguments("compare") | first.arguments("compare")
 
     def opening() -> None:
-        first.tell()
-        second.tell()
+        first.announce()
+        second.announce()
 
     with Meter("comparison", opening=opening) as meter, refusing():
         comparison = vibroimpact.compare(
             first.model,
             second.model,
-            names=_names(*files),
+            names=_names(*paths),
             progress=meter,
             **_search(first, options),
             **chosen,

@@ -194,9 +194,9 @@ def announce(out: Path) -> None:
     """Show how far the existing store of the same study is."""
     store = _opened(out)
     if store is not None:
-        left = "nothing is left to compute" if store.is_complete() else "continuing"
+        rest = "nothing is left to compute" if store.is_complete() else "continuing"
         # By way of `sys.stderr` as it is now, so that it does not run into a bar.
-        print(f"{out} exists: {_progress(store)[0]}; {left}", file=sys.stderr, flush=True)
+        print(f"{out} exists: {_progress(store)[0]}; {rest}", file=sys.stderr, flush=True)
 
 
 def place_for(options: Mapping[str, Any]) -> Path:
@@ -286,17 +286,17 @@ def _opened(path: Path) -> SweepStore | None:
 
 def _progress(store: SweepStore) -> list[str]:
     """Return the progress of a sweep, its cost, and how its cells ended, one line each."""
-    found = store.summary()
-    done, needed, cells = (found[name] for name in ("cells_done", "needed", "cells"))
+    summary = store.summary()
+    done, needed, cells = (summary[name] for name in ("cells_done", "needed", "cells"))
     if not store.refined:
-        lines = [f"{found['tiles_done']} of {found['tiles']} tiles done, {done / cells:.0%} of {cells:,} cells"]
+        lines = [f"{summary['tiles_done']} of {summary['tiles']} tiles done, {done / cells:.0%} of {cells:,} cells"]
     elif store.is_complete():
         lines = [f"finished: {done:,} cells computed, {done / cells:.1%} of {cells:,} in the map"]
     else:
         lines = [f"{done:,} of {needed:,} cells computed (the total may grow), for a map of {cells:,}"]
     if done:
-        left = found["seconds"] * (needed - done) / done
-        more = f", about {left:.2g} s left" if left else ""
-        lines.append(f"{found['seconds']:.3g} s elapsed, {found['impacts']:.3g} impacts{more}")
-        lines.append(", ".join(f"{word.replace('_', ' ')} {count:,}" for word, count in found["statuses"].items()))
+        seconds_left = summary["seconds"] * (needed - done) / done
+        more = f", about {seconds_left:.2g} s left" if seconds_left else ""
+        lines.append(f"{summary['seconds']:.3g} s elapsed, {summary['impacts']:.3g} impacts{more}")
+        lines.append(", ".join(f"{word.replace('_', ' ')} {count:,}" for word, count in summary["statuses"].items()))
     return lines

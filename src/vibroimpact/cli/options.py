@@ -83,10 +83,10 @@ class Option(Key):
         text = self.help if self.default is None else f"{self.help} (default: {self.default})"
         more: dict[str, Any] = {"help": text} | ({} if self.kind is FLAG else {"metavar": self.metavar})
         flags = self.typed
-        made: Any = typer.Option(*flags, rich_help_panel=self.panel, **more) if flags else typer.Argument(**more)
+        declaration: Any = typer.Option(*flags, rich_help_panel=self.panel, **more) if flags else typer.Argument(**more)
         kind = Path if self.required else self.kind
         usual = Parameter.empty if self.required else False if self.kind is FLAG else None
-        return Parameter(self.name, Parameter.KEYWORD_ONLY, default=usual, annotation=Annotated[kind, made])
+        return Parameter(self.name, Parameter.KEYWORD_ONLY, default=usual, annotation=Annotated[kind, declaration])
 
 
 class Options(Mapping[str, Any]):
@@ -140,7 +140,7 @@ def with_options(*groups: Option | tuple[Option, ...]) -> Callable[[Callable[[Op
     """Make a command of a function of `Options`: typer sees one parameter for each option listed."""
     declared = tuple(option for group in groups for option in (group if isinstance(group, tuple) else (group,)))
 
-    def made(function: Callable[[Options], None]) -> Callable[..., None]:
+    def decorator(function: Callable[[Options], None]) -> Callable[..., None]:
         def command(**typed: Any) -> None:
             function(Options(declared, typed))
 
@@ -150,4 +150,4 @@ def with_options(*groups: Option | tuple[Option, ...]) -> Callable[[Callable[[Op
         command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
         return command
 
-    return made
+    return decorator

@@ -17,6 +17,7 @@ from vibroimpact.cli.endings import Ended, WrongRequest, refusing
 from vibroimpact.cli.options import Options, numbers, with_options
 from vibroimpact.cli.study import Study, study_of
 from vibroimpact.compiling import told_first
+from vibroimpact.parameters import counted
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
@@ -51,18 +52,18 @@ def orbit(options: Options) -> None:
     study = study_of(options)
     output.check_looks(options, (".json",))
     began = perf_counter()
-    with told_first(study.tell):
-        found = _find(study, options)
+    with told_first(study.announce):
+        orbits = _find(study, options)
     out = options["out"]
     if out is not None and out.suffix.lower() == ".json":
-        output.write_json(orbits_json(found, study.model), options, out)
+        output.write_json(orbits_json(orbits, study.model), options, out)
         typer.echo(f"wrote {out} ({perf_counter() - began:.2g} s)")
         return
     arguments = {name: options[name] for name in ("stops", "symmetric", "near") if options[name]}
     arguments = (
         {"n_periods": options.value("n_periods"), **arguments} if "stops" in arguments else _type(options) | arguments
     )
-    output.hand_on(orbits_dataset(found, study.model, arguments), options, perf_counter() - began)
+    output.hand_on(orbits_dataset(orbits, study.model, arguments), options, perf_counter() - began)
 
 
 def _type(options: Options) -> dict[str, Any]:
@@ -92,7 +93,7 @@ def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits[Any]:
         return vibroimpact.find_orbit(study.model, n_periods=kind["n_periods"], **only, near=times)
 
 
-def orbits_dataset(found: Orbits[Any], model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
+def orbits_dataset(orbits: Orbits[Any], model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
     """Return orbits over `orbit` and `impact`, rows padded with NaN; `count` is the number of impacts."""
     import numpy as np
     import xarray as xr
@@ -100,62 +101,62 @@ def orbits_dataset(found: Orbits[Any], model: Model, arguments: Mapping[str, Any
     from vibroimpact.continuation.results import number, orbit_variables
     from vibroimpact.dataset import provenance
 
-    counts = [len(orbit.velocities) for orbit in found]
-    content = orbit_variables(found, max(counts, default=0), "orbit")
+    counts = [len(orbit.velocities) for orbit in orbits]
+    content = orbit_variables(orbits, max(counts, default=0), "orbit")
     parts = {"real": "real part of a Floquet multiplier", "imag": "imaginary part of a Floquet multiplier"}
     several = not model.at().says_all
     for part, text in parts.items():
-        rows = [[getattr(complex(value), part) for value in orbit.multipliers] for orbit in found]
+        rows = [[getattr(complex(value), part) for value in orbit.multipliers] for orbit in orbits]
         table = np.array(rows) if rows else np.empty((0, 2 * np.size(model.at().mass, 0) if several else 2))
         if several:
             content[f"multiplier_{part}"] = number(("orbit", "multiplier"), table, text)
         else:
             content |= {f"multiplier_{i}_{part}": number("orbit", column, text) for i, column in enumerate(table.T, 1)}
     whole = {
-        "n_periods": ([orbit.n_periods for orbit in found], "driving periods per cycle"),
-        "n_impacts": ([orbit.n_impacts for orbit in found], "impacts per cycle"),
+        "n_periods": ([orbit.n_periods for orbit in orbits], "driving periods per cycle"),
+        "n_impacts": ([orbit.n_impacts for orbit in orbits], "impacts per cycle"),
         "count": (counts, "number of impacts listed"),
     }
     for key, (kept, long_name) in whole.items():
         content[key] = xr.Variable("orbit", np.array(kept, np.int32), {"long_name": long_name, "units": "1"})
-    outcome = {"outcome": found.outcome, "message": _sentence(found)}
-    outcome["messages"] = json.dumps([orbit.message for orbit in found])
+    outcome = {"outcome": orbits.outcome, "message": _sentence(orbits)}
+    outcome["messages"] = json.dumps([orbit.message for orbit in orbits])
     if several:
-        content |= _struck(found, max(counts, default=0))
+        content |= _struck(orbits, max(counts, default=0))
         return xr.Dataset(content, attrs=provenance("find_orbit", model, arguments) | outcome)
     real = {
         "stick_phase": "phase of coming to rest at the stop",
         "release_phase": "phase of leaving the stop",
         "stuck_time": "time at rest per cycle",
     }
-    content |= {key: number("orbit", [getattr(orbit, key) for orbit in found], text) for key, text in real.items()}
+    content |= {key: number("orbit", [getattr(orbit, key) for orbit in orbits], text) for key, text in real.items()}
     content["stuck_time"].attrs["units"] = "s"
     return xr.Dataset(content, attrs=provenance("find_orbit", model, arguments) | outcome)
 
 
-def _struck(found: Orbits[SystemOrbit], p: int) -> dict[str, xr.Variable]:
+def _struck(orbits: Orbits[SystemOrbit], p: int) -> dict[str, xr.Variable]:
     """Return stops and impulses of the impacts of a system's orbits."""
     import numpy as np
 
     from vibroimpact.dataset import plain_variable, variable
 
-    names = np.full((len(found), p), "", dtype=object)
-    impulses = np.full((len(found), p), math.nan)
-    for at, orbit in enumerate(found):
+    names = np.full((len(orbits), p), "", dtype=object)
+    impulses = np.full((len(orbits), p), math.nan)
+    for at, orbit in enumerate(orbits):
         names[at, : len(orbit.stops)], impulses[at, : len(orbit.stops)] = orbit.stops, orbit.impulses
     dims = ("orbit", "impact")
     stops = plain_variable(dims, names.astype(str), {"long_name": "stop that is struck"})
     return {"stop": stops, "impulse": variable("impulse", dims, impulses)}
 
 
-def orbits_json(found: Orbits[Any], model: Model) -> dict[str, Any]:
+def orbits_json(orbits: Orbits[Any], model: Model) -> dict[str, Any]:
     """Return orbits as plain dictionaries, lists, numbers and text: NaN as None, multipliers as pairs."""
-    made = model.at()
+    design = model.at()
     return {
-        made.kind: made.plain(),
-        "outcome": found.outcome,
-        "message": _sentence(found),
-        "orbits": [_plain(orbit) for orbit in found],
+        design.kind: design.plain(),
+        "outcome": orbits.outcome,
+        "message": _sentence(orbits),
+        "orbits": [_plain(orbit) for orbit in orbits],
     }
 
 
@@ -163,16 +164,16 @@ SUMMED = "name", "stable", "trace", "determinant"
 
 
 def _plain(orbit: Orbit) -> dict[str, Any]:
-    kept = (part.name for part in fields(orbit) if part.name not in ("oscillator", "family"))
-    content = {name: getattr(orbit, name) for name in kept}
+    names = (part.name for part in fields(orbit) if part.name not in ("oscillator", "family"))
+    content = {name: getattr(orbit, name) for name in names}
     for key in {"multipliers", "half_multipliers", "neutral"} & set(content):
         content[key] = [[z.real, z.imag] for z in content[key]]
     if "start" in content:
         content["start"] = asdict(content["start"])
     if "contacts" in content:
         content |= {key: [each._asdict() for each in content[key]] for key in ("contacts", "rests")}
-    found: dict[str, Any] = _without_nan(content | {key: getattr(orbit, key) for key in SUMMED})
-    return found
+    plain: dict[str, Any] = _without_nan(content | {key: getattr(orbit, key) for key in SUMMED})
+    return plain
 
 
 def _without_nan(value: Any) -> Any:
@@ -184,10 +185,10 @@ def _without_nan(value: Any) -> Any:
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
-def _sentence(found: Orbits[Any]) -> str:
-    if found.outcome == "inadmissible":
-        return f"no admissible {found[0].name} orbit: the equations have {len(found)}"
-    return found.message or f"{len(found)} {found[0].name} orbit{'s' * (len(found) > 1)}"
+def _sentence(orbits: Orbits[Any]) -> str:
+    if orbits.outcome == "inadmissible":
+        return f"no admissible {orbits[0].name} orbit: the equations have {len(orbits)}"
+    return orbits.message or counted(len(orbits), f"{orbits[0].name} orbit")
 
 
 # Branches
@@ -211,36 +212,36 @@ def follow(options: Options) -> None:
     study = study_of(options)
     ((parameter, span),) = _ranges(study, 1).items()
     output.check(options, "continue_orbit")
-    if options["diagram"] and not output.is_figure(options):
+    if options["diagram"] and not output.is_figure(options["out"]):
         raise WrongRequest("`--diagram` needs a figure; add for example --out branch.png")
     from vibroimpact.dataset import bundle, provenance
 
-    with Meter("orbits", opening=study.tell) as meter, refusing():
+    with Meter("orbits", opening=study.announce) as meter, refusing():
         doublings = options.value("doublings")
-        found = _find(study, options)
-        branches = _branches(found, parameter, span, meter, doublings, **options.given("step"))
+        orbits = _find(study, options)
+        branches = _branches(orbits, parameter, span, meter, options.value("step"), doublings)
     if not branches:
-        _nothing(found.message, options)
+        _nothing(orbits.message, options)
     beneath = _diagram(study, parameter, span) if options["diagram"] and not meter.stopped else None
     arguments = {"parameter": parameter, "range": span, **_type(options), "doublings": doublings}
-    made_by = provenance("continue_orbit", study.model, arguments)
-    dataset = bundle([branch.dataset for branch in branches], "continue_orbit", made_by)
+    attrs = provenance("continue_orbit", study.model, arguments)
+    dataset = bundle([branch.dataset for branch in branches], "continue_orbit", attrs)
     output.finish(dataset, options, meter, beneath)
 
 
 def _branches(
-    found: Orbits[Any], parameter: str, span: Range, meter: Meter, doublings: int = 0, step: float = 0.01
+    orbits: Orbits[Any], parameter: str, span: Range, meter: Meter, step: float, doublings: int = 0
 ) -> list[Branch]:
     """Return the branches of the orbits found, then of those that are born at their period doublings."""
     from vibroimpact.continuation import follow_all
 
-    if found and found[0].sticks:
+    if orbits and orbits[0].sticks:
         instead = "follow their end with `vibroimpact boundary --kind end-of-sticking`"
-        if not found[0].model.at().forgets:
+        if not orbits[0].model.at().forgets:
             instead = "find them value by value, with `vibroimpact orbit --impacts -1`"
         raise WrongRequest(f"orbits that rest at the stop have no branch; {instead}")
     return follow_all(
-        [orbit for orbit in found if orbit.admissible] or found,
+        [orbit for orbit in orbits if orbit.admissible] or orbits,
         parameter,
         span,
         longest=math.inf,
@@ -328,7 +329,7 @@ def boundary(options: Options) -> None:
 
     output.check(options, "boundary_curves", (*INDICES, MOTION))
     over = output.map_beneath(options, names)
-    with Meter("boundaries", opening=study.tell) as meter, refusing():
+    with Meter("boundaries", opening=study.announce) as meter, refusing():
         curves = (_of_orbits if of_orbits else _all)(study, box, kinds, options, meter)
     if not curves and not meter.stopped:
         _nothing(f"no such boundary found in the plane of {' and '.join(names)}: {curves.message}", options)
@@ -342,8 +343,8 @@ def _bundled(curves: Boundaries, study: Study, box: Mapping[str, Range]) -> xr.D
     parts = [curve.dataset for curve in curves]
     parts = [part.isel(impact=slice(0, 1)) if part.attrs["n_impacts"] == -1 else part for part in parts]
     arguments = {"parameters": tuple(box), "ranges": tuple(box.values())}
-    made_by = provenance("boundary_curves", study.model, arguments) | {"message": curves.message}
-    return bundle(parts, "boundary_curves", made_by)
+    attrs = provenance("boundary_curves", study.model, arguments) | {"message": curves.message}
+    return bundle(parts, "boundary_curves", attrs)
 
 
 def _all(study: Study, box: Mapping[str, Range], kinds: tuple[str, ...], options: Options, meter: Meter) -> Boundaries:
@@ -364,14 +365,14 @@ def _of_orbits(
     from vibroimpact.continuation import curves_through
     from vibroimpact.motion import listed
 
-    step, names = options.given("step"), tuple(box)
+    step, names = options.value("step"), tuple(box)
     branches: list[Branch] = []
     for n in options.value("periods_list") or (1,):
-        found = _find(study, options, n_periods=n, n_impacts=options.value("n_impacts"))
-        branches += _branches(found, names[0], box[names[0]], meter, **step)
+        orbits = _find(study, options, n_periods=n, n_impacts=options.value("n_impacts"))
+        branches += _branches(orbits, names[0], box[names[0]], meter, step)
     points = [point for branch in branches for point in branch.special if point.kind in kinds]
     plane: Any = names, tuple(box.values())
-    curves = curves_through(points, *plane, progress=meter, **step)
+    curves = curves_through(points, *plane, progress=meter, step=step)
     followed = listed(sorted({branch.orbits[0].name for branch in branches})) or "no orbit"
     curves.message = f"followed {followed} from the oscillator at -p along {names[0]} only; other motions end elsewhere"
     return curves
@@ -382,8 +383,8 @@ def _kinds(options: Options, study: Study) -> tuple[str, ...]:
     from vibroimpact.continuation.results import kinds_of
 
     with refusing():
-        known = kinds_of(study.model)
-    chosen = [kind.replace("-", "_").replace(" ", "_") for kind in options.value("kinds") or known]
-    if unknown := [kind for kind in chosen if kind not in known]:
-        raise WrongRequest(f"unknown `--kind` {unknown[0]!r}; choose from {', '.join(known).replace('_', '-')}")
+        possible = kinds_of(study.model)
+    chosen = [kind.replace("-", "_").replace(" ", "_") for kind in options.value("kinds") or possible]
+    if unknown := [kind for kind in chosen if kind not in possible]:
+        raise WrongRequest(f"unknown `--kind` {unknown[0]!r}; choose from {', '.join(possible).replace('_', '-')}")
     return tuple(chosen)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,7 +58,8 @@ def finish(dataset: xr.Dataset | None, options: Options, meter: Meter, over: xr.
 def check(options: Options, function: str, indices: tuple[str, ...] = (), n_axes: int = 0) -> None:
     """Refuse an output that could not be made, before anything is computed."""
     check_looks(options, FIGURE_ENDINGS + FILM_ENDINGS * (function == "simulate"))
-    if _is_film(options) and any(options.get(name) is not None for name in ("figure", "size", "dpi")):
+    out: Path | None = options["out"]
+    if _is_film(out) and any(options.get(name) is not None for name in ("figure", "size", "dpi")):
         raise WrongRequest("a film shows the time history at one size; leave out --figure, --size and --dpi")
     kinds = kinds_of(function, n_axes)
     figure, index = options.get("figure"), options.get("index")
@@ -72,8 +72,8 @@ def check(options: Options, function: str, indices: tuple[str, ...] = (), n_axes
         )
     if missing := [name for name in NEEDS.get(figure or "", ()) if name not in indices]:
         raise WrongRequest(f"`--indices` must include {', '.join(missing)} for a {figure}; or leave --indices out")
-    if is_figure(options) and not kinds:
-        raise WrongRequest(f"`--out` must be data such as .zarr for {n_axes} axes, got {str(options['out'])!r}")
+    if is_figure(out) and not kinds:
+        raise WrongRequest(f"`--out` must be data such as .zarr for {n_axes} axes, got {str(out)!r}")
 
 
 def check_looks(options: Options, endings: tuple[str, ...] = FIGURE_ENDINGS) -> None:
@@ -90,21 +90,20 @@ def check_looks(options: Options, endings: tuple[str, ...] = FIGURE_ENDINGS) -> 
             check_output(options["out"], overwrite=options["overwrite"], endings=DATA_ENDINGS + endings)
 
 
-def is_figure(options: Mapping[str, Any]) -> bool:
-    """Return whether the output is a figure, or a film of one."""
-    out = options.get("out")
+def is_figure(out: Path | None) -> bool:
+    """Return whether an output is a figure, or a film of one."""
     return out is not None and out.suffix.lower() in FIGURE_ENDINGS + FILM_ENDINGS
 
 
-def _is_film(options: Mapping[str, Any]) -> bool:
-    return is_figure(options) and options["out"].suffix.lower() in FILM_ENDINGS
+def _is_film(out: Path | None) -> bool:
+    return out is not None and out.suffix.lower() in FILM_ENDINGS
 
 
 def read(options: Options, name: str) -> xr.Dataset | None:
     """Return the saved result that an option names; it is drawn only in a figure."""
     if options.get(name) is None:
         return None
-    if not is_figure(options):
+    if not is_figure(options["out"]):
         raise WrongRequest(f"`--{name}` needs a figure; add for example --out figure.png")
     from vibroimpact.files import load
 
@@ -127,7 +126,7 @@ def as_json(content: Any) -> str:
 
 def write(dataset: xr.Dataset, options: Options, path: Path, over: xr.Dataset | None = None) -> None:
     """Write data, a film, or a figure drawn over another result, in the format that the ending of `path` names."""
-    if not is_figure({"out": path}):
+    if not is_figure(path):
         from vibroimpact.files import save
 
         save(dataset, path, overwrite=options["overwrite"])
@@ -139,7 +138,7 @@ def write(dataset: xr.Dataset, options: Options, path: Path, over: xr.Dataset | 
 
     from vibroimpact import plotting
 
-    if _is_film({"out": path}):
+    if _is_film(path):
         shown = options.given("coordinate", "stop")
         with refusing(OSError), Meter("film", keeps=False) as meter:
             plotting.animate(dataset, path, overwrite=options["overwrite"], progress=meter, **shown)

@@ -139,16 +139,16 @@ GRID, SPAN = "NAME=FROM:TO:POINTS", "NAME=FROM:TO"
 
 
 def _axis(name: str, text: str, form: str = GRID, example: str = "omega=0.025:5:200", **more: Any) -> Option:
-    def read(given: str) -> dict[str, Any]:
-        return parse_axis(f"--{name}", given, form, example)
+    def read(typed: str) -> dict[str, Any]:
+        return parse_axis(f"--{name}", typed, form, example)
 
     usual: dict[str, Any] = {"table": "axes", "read": read}
     return Option(name, form, text, "Axes", **usual | more)
 
 
-def _more_axes(given: list[str]) -> dict[str, Any]:
+def _more_axes(texts: list[str]) -> dict[str, Any]:
     axes: dict[str, Any] = {}
-    for text in given:
+    for text in texts:
         axes |= parse_axis("--axis", text, GRID, "mass=0.1:5:200")
     return axes
 

@@ -16,17 +16,14 @@ from vibroimpact.beside import compile_beside
 from vibroimpact.cli.endings import refusing
 from vibroimpact.cli.options import Options
 from vibroimpact.cli.schema import ENDS, TABLES
-from vibroimpact.cli.units import has_unit, left_dimensionless, without_unit
+from vibroimpact.cli.units import has_unit, mixed_units_warning, without_unit
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.options import Tolerances
 from vibroimpact.parameters import Parameter, invalid, unknown, whole_number
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    Floats = NDArray[np.float64]
+    from vibroimpact.cells import Floats
 
 MOST_POINTS = 10_000_000  # of an axis; a typing error asks for more
 
@@ -44,7 +41,7 @@ class Study:
 
     model: Model
     axes: dict[str, Floats]
-    given: dict[str, Any]
+    settings: dict[str, Any]
     warning: str = ""
 
     def __str__(self) -> str:
@@ -56,7 +53,7 @@ class Study:
         numbers = (f"{name} {text} {table[name].unit}".removesuffix(" 1") for name, text in values.items())
         return f"{getattr(self.model, '__name__', type(self.model).__name__)}: {', '.join(numbers)}"
 
-    def tell(self) -> None:
+    def announce(self) -> None:
         """Say which model and numbers are used, once nothing of the request is refused any more."""
         warning = [f"vibroimpact: {self.warning}"] if self.warning else []
         print(self, *warning, sep="\n", file=sys.stderr, flush=True)
@@ -65,11 +62,11 @@ class Study:
         """Return the study's arguments of a public function, axes left out: a function takes those that concern it."""
         import vibroimpact
 
-        takes = inspect.signature(getattr(vibroimpact, function)).parameters
-        given = {name: value for name, value in self.given.items() if name in takes}
-        if function == "parameter_map" and "starts" in self.given:
-            given["start"] = self.given["starts"]
-        return given
+        accepted = inspect.signature(getattr(vibroimpact, function)).parameters
+        arguments = {name: value for name, value in self.settings.items() if name in accepted}
+        if function == "parameter_map" and "starts" in self.settings:
+            arguments["start"] = self.settings["starts"]
+        return arguments
 
 
 def study_of(options: Options, file: Path | None = None) -> Study:
@@ -132,24 +129,24 @@ def make_study(
     values = reader.values("oscillator", model, Parameter.check, file["oscillator"], typed.get("oscillator", {}))
     if not reader.faults:
         model = reader.check("", "", lambda: model.replace(**values)) or model
-    axes = reader.values("axes", model, axis_values, typed.get("axes") or file["axes"])
-    given = {table: reader.entries(table, {**file[table], **typed.get(table, {})}) for table in TABLES}
-    if given["start"] and "displacement" not in given["start"]:
+    axes = reader.values("axes", model, axis_values, typed.get("axes") or file["axes"], {})
+    checked = {table: reader.entries(table, {**file[table], **typed.get(table, {})}) for table in TABLES}
+    if checked["start"] and "displacement" not in checked["start"]:
         reader.faults.append("`start` must have a `displacement`, in m")
-    if given["start"] and "starts" in given["run"]:
+    if checked["start"] and "starts" in checked["run"]:
         reader.faults.append("give either `start` or `starts`, not both")
     if not reader.faults:
         reader.check("", "", _check_replaced, model, values, axes)
     start = {}
-    if given["start"] and not reader.faults:
-        start["start"] = reader.check("", "", lambda: State(**given["start"]))
+    if checked["start"] and not reader.faults:
+        start["start"] = reader.check("", "", lambda: State(**checked["start"]))
     if reader.faults:
         raise ValueError("\n".join(reader.faults))
-    tolerances = {"tolerances": Tolerances(**given["tolerances"])} if given["tolerances"] else {}
+    tolerances = {"tolerances": Tolerances(**checked["tolerances"])} if checked["tolerances"] else {}
     written = [*file["oscillator"].values(), *typed.get("oscillator", {}).values(), *file["axes"].values()]
     in_si = {"mass", "stiffness"} <= set(values) or has_unit([*written, *typed.get("axes", {}).values()])
-    warning = left_dimensionless({*values, *axes}) if in_si and "model" not in document else ""
-    return Study(model, axes, {**given["sampling"], **given["run"], **start, **tolerances}, warning)
+    warning = mixed_units_warning({*values, *axes}) if in_si and "model" not in document else ""
+    return Study(model, axes, {**checked["sampling"], **checked["run"], **start, **tolerances}, warning)
 
 
 class _Reader:
@@ -160,15 +157,15 @@ class _Reader:
 
     def tables(self, document: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
         """Return every table, empty where there is none."""
-        found: dict[str, Mapping[str, Any]] = {name: {} for name in ("oscillator", "axes", *TABLES)}
+        tables: dict[str, Mapping[str, Any]] = {name: {} for name in ("oscillator", "axes", *TABLES)}
         for name, value in document.items():
-            if name not in (*found, "model"):
-                self.faults.append(str(unknown("table", name, (*found, "model"))))
+            if name not in (*tables, "model"):
+                self.faults.append(str(unknown("table", name, (*tables, "model"))))
             elif isinstance(value, Mapping):
-                found[name] = value
+                tables[name] = value
             elif name != "model":
                 self.faults.append(str(invalid(name, value, "a table", f"write [{name}] above its keys")))
-        return found
+        return tables
 
     def values(
         self,
@@ -176,28 +173,32 @@ class _Reader:
         model: Model,
         check: Callable[[Parameter, Any], Any],
         file: Mapping[str, Any],
-        typed: Mapping[str, Any] | None = None,
+        typed: Mapping[str, Any],
     ) -> dict[str, Any]:
         """Return checked values by parameter; of those typed the last one wins, and replaces what a file has."""
-        parameters, typed = model.parameters, typed or {}
-        taken = {name_of(model, key) for key in typed}
-        taken |= {parameters[name].replaces or name for name in taken & set(parameters)}
-        found: dict[str, tuple[str, Any]] = {}
+        parameters = model.parameters
+        replaced = {name_of(model, key) for key in typed}
+        replaced |= {parameters[name].replaces or name for name in replaced & set(parameters)}
+        keys_and_values: dict[str, tuple[str, Any]] = {}
         for key, value in file.items():
             name = name_of(model, key)
-            if name in found:
-                self.faults.append(f"give either `{found[name][0]}` or `{key}`, not both")
-            elif name not in taken and (name not in parameters or parameters[name].replaces not in taken):
-                found[name] = key, value
-        found |= {name_of(model, key): (key, value) for key, value in typed.items()}
-        for key in [key for name, (key, _) in found.items() if name not in parameters]:
-            self.refuse(table, key, parameters)
+            if name in keys_and_values:
+                self.faults.append(f"give either `{keys_and_values[name][0]}` or `{key}`, not both")
+            elif name not in replaced and (name not in parameters or parameters[name].replaces not in replaced):
+                keys_and_values[name] = key, value
+        keys_and_values |= {name_of(model, key): (key, value) for key, value in typed.items()}
 
         def checked(parameter: Parameter, value: Any) -> Any:
             return check(parameter, without_unit(parameter, value))
 
-        entries = [(name, *given) for name, given in found.items() if name in parameters]
-        return {name: self.check(table, key, checked, parameters[name], value) for name, key, value in entries}
+        for name, (key, _) in keys_and_values.items():
+            if name not in parameters:
+                self.refuse(table, key, parameters)
+        return {
+            name: self.check(table, key, checked, parameters[name], value)
+            for name, (key, value) in keys_and_values.items()
+            if name in parameters
+        }
 
     def entries(self, table: str, entries: Mapping[str, Any]) -> dict[str, Any]:
         """Return the checked entries of a table."""
@@ -213,10 +214,10 @@ class _Reader:
         """Refuse an unknown key."""
         self.faults.append(str(unknown(f"key in [{table}]" if self.dotted else "parameter", key, choices)))
 
-    def check(self, table: str, key: str, function: Callable[..., Any], *given: Any) -> Any:
+    def check(self, table: str, key: str, function: Callable[..., Any], *arguments: Any) -> Any:
         """Return the value that a check makes of a value; its complaints then name the key as it was written."""
         try:
-            return function(*given)
+            return function(*arguments)
         except ValueError as error:
             name = f"{table}.{key}" if self.dotted else key
             lines = str(error).splitlines()

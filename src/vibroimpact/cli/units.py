@@ -71,10 +71,10 @@ def _registry() -> tuple[Any, tuple[type[Exception], ...]]:
     return units, (pint.PintError, AttributeError, AssertionError, TypeError, ValueError)
 
 
-def left_dimensionless(given: set[str]) -> str:
+def mixed_units_warning(names: set[str]) -> str:
     """Return a warning where numbers in SI stand beside numbers of the paper, which are dimensionless."""
     table, usual = ImpactOscillator.parameters, ImpactOscillator()
-    given = {table[name].replaces or name for name in given}
-    left = [name for name in ("mass", "damping", "stiffness", "amplitude", "omega") if name not in given]
-    numbers = ", ".join(f"{name} = {getattr(usual, name):g} {table[name].unit}" for name in left)
-    return f"numbers of the paper stand beside your own: {numbers}; give them too" if left else ""
+    names = {table[name].replaces or name for name in names}
+    defaults = [name for name in ("mass", "damping", "stiffness", "amplitude", "omega") if name not in names]
+    numbers = ", ".join(f"{name} = {getattr(usual, name):g} {table[name].unit}" for name in defaults)
+    return f"numbers of the paper stand beside your own: {numbers}; give them too" if defaults else ""

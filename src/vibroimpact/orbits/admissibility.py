@@ -41,7 +41,7 @@ def orbit_size(osc: ImpactOscillator, z: Floats) -> float:
 
 def nearest_misses(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> list[NearMiss]:
     """Return the closest near-miss of each flight that has one."""
-    flight, found = flight_of(parameters_of(osc)), []
+    flight, misses = flight_of(parameters_of(osc)), []
     for i in range(cycle.n_impacts):
         begin, end = cycle.span(z, i)
         if end <= begin:
@@ -54,8 +54,8 @@ def nearest_misses(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> list[NearM
         minima = [_minimum(flight, angle, rate, float(times[j]), float(times[j + 1])) for j in likely]
         if minima:
             time, gap = min(minima, key=lambda minimum: minimum[1])
-            found.append(NearMiss(i, begin + time / osc.period, gap))
-    return found
+            misses.append(NearMiss(i, begin + time / osc.period, gap))
+    return misses
 
 
 def closest(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> NearMiss | None:

@@ -54,12 +54,14 @@ Parameters = Sequence[float]  # m, c, k, f, w, r, g
 TURN = 2.0 * math.pi
 NEAR = 0.5  # of rate times duration: nodes nearer than this are not subtracted from one another
 STRIDE = 0.15  # radians of the fastest rate between two samples of a flight
-MOST_SAMPLES = 1 << 15
+FEWEST_SAMPLES, MOST_SAMPLES = 16, 1 << 15  # of a flight
 # Two orbits are one, and a cycle repeats, if nowhere they differ by more than this: of the fastest impact, of a driving
 # period, and in sine and cosine of the driving angle. Newton's method leaves 1e-14 times the condition number.
 SAME = 1e-7
 VANISHED = 1e-12  # relative: a response this small is rounding
 BOUNDLESS = 1e12  # of V: a velocity this large stands for infinity
+UNFORCED = "unforced: impacts and damping dissipate energy, and nothing supplies it"
+RESONANT = "undamped, without loss and in resonance: impact velocities grow without bound"
 
 
 def sinhc(z2: complex) -> complex:
@@ -162,7 +164,7 @@ class Flight:
 
     def sampled(self, angle: float, rate: float, tau: float) -> tuple[Floats, Floats, Floats]:
         """Return times, gaps and rates along a flight from the stop, dense enough to show every near-miss."""
-        number = min(MOST_SAMPLES, max(16, math.ceil(abs(tau) * self.fastest / STRIDE)))
+        number = min(MOST_SAMPLES, max(FEWEST_SAMPLES, math.ceil(abs(tau) * self.fastest / STRIDE)))
         step = tau / number
         q, dq, steady, driven, hurried = self.responses(step)
         sine, cosine = math.sin(self.omega * step), math.cos(self.omega * step)
@@ -323,19 +325,19 @@ def _roots(a: float, b: float, c: float) -> list[float]:
     if split < 0.0 or (a == 0.0 and b == 0.0):
         return []
     half = -(b + math.copysign(math.sqrt(split), b))
-    found = {half / a if a else math.inf, c / half if half else 0.0}
-    return sorted(found, reverse=True)
+    values = {half / a if a else math.inf, c / half if half else 0.0}
+    return sorted(values, reverse=True)
 
 
 def _unforced(osc: ImpactOscillator) -> str:
     if osc.restitution == 1.0 and osc.damping == 0.0:
         return "unforced and without loss: any free motion that reaches the stop repeats at its own period"
-    return "unforced: impacts and damping dissipate energy, and nothing supplies it"
+    return UNFORCED
 
 
 def _nowhere(osc: ImpactOscillator, slope: Floats, n_periods: int) -> str:
     if float(np.abs(slope).max()) * osc.velocity_scale < 1.0 / BOUNDLESS:
-        return "undamped, without loss and in resonance: impact velocities grow without bound"
+        return RESONANT
     reach = osc.steady_amplitude
     far = f", beyond the steady amplitude {reach:.6g} m" if abs(osc.gap) > reach else ""
     return f"no velocity > 0 returns to itself after {n_periods} periods: the gap is {osc.gap:.6g} m{far}"

@@ -11,9 +11,11 @@ from vibroimpact.orbits.equations import Floats
 
 Linearised = Callable[[Floats], tuple[Floats, Floats]]
 
-MOST = 40
+MOST_STEPS = 40
 CLOSE = 1e-9  # relative: the correction after which convergence, being quadratic, is complete
-SINGULAR = 1e13
+SHORTEST = 1e-3  # part of a step that is tried
+SINGULAR = 1e13  # condition number of the equations: their solution is not isolated
+SUSPECT = 1e6  # the same where Newton's method got stuck
 
 
 @dataclass(frozen=True)
@@ -40,20 +42,20 @@ def solve(
         return missed / rows, slope * columns / rows[:, None]
 
     z, (misses, matrix) = start, scaled(start)
-    for _ in range(MOST):
+    for _ in range(MOST_STEPS):
         if not np.isfinite(matrix).all():
             break
         correction = np.linalg.lstsq(matrix, misses, rcond=None)[0]
         largest, part = float(np.abs(correction).max()), 1.0
-        while part > 1e-3:
+        while part > SHORTEST:
             trial = z - part * columns * correction
-            left, slope = scaled(trial)
-            if largest < CLOSE or (np.abs(left).max() < np.abs(misses).max() and in_order(trial)):
+            trial_misses, slope = scaled(trial)
+            if largest < CLOSE or (np.abs(trial_misses).max() < np.abs(misses).max() and in_order(trial)):
                 break
             part *= 0.5
         else:
             break
         if largest < CLOSE:
             return Solved(trial, in_order(trial), bool(np.linalg.cond(matrix) > SINGULAR))
-        z, misses, matrix = trial, left, slope
-    return Solved(z, False, bool(not np.isfinite(matrix).all() or np.linalg.cond(matrix) > 1e6))
+        z, misses, matrix = trial, trial_misses, slope
+    return Solved(z, False, bool(not np.isfinite(matrix).all() or np.linalg.cond(matrix) > SUSPECT))

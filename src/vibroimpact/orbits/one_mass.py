@@ -19,9 +19,9 @@ from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.orbits import newton
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
-from vibroimpact.orbits.found import Guess, Orbits, lost, ordered, other_name
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Impacts, Orbit, from_hardest, make_orbit, same_orbit, solution_of, true_cycle
+from vibroimpact.orbits.results import Guess, Orbits, lost, ordered, other_name
 from vibroimpact.parameters import invalid, real_number
 
 
@@ -48,7 +48,7 @@ def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[O
     if chain is None:
         few = f"fewer than {cycle.n_impacts} impacts follow from there; begin where the mass hits more often"
         return Orbits(outcome="not_converged", message=few)
-    return _from(model, cycle, cycle_of(chain))
+    return _from(model, cycle, as_cycle(chain))
 
 
 def solve(osc: ImpactOscillator, cycle: Cycle, start: Floats) -> Solved:
@@ -66,7 +66,7 @@ def stable_orbits(osc: ImpactOscillator, n_periods: int) -> list[Orbit]:
 
 def _impact(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:
     """Return phase and velocity of an impact near the orbit that is wanted, if one is given."""
-    orbit, state, given = guess.orbit, guess.state, guess.given
+    orbit, state, near = guess.orbit, guess.state, guess.near
     if guess.none or (orbit is not None and not orbit.velocities):
         return None
     if orbit is not None:
@@ -75,11 +75,11 @@ def _impact(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:
         if state.displacement != osc.gap:
             raise invalid("near", state, f"a state at an impact, with displacement = gap = {osc.gap!r}")
         phase, velocity = state.time / osc.period, state.velocity
-    elif isinstance(given, (tuple, list)) and len(given) == 2:
-        phase, velocity = real_number("near", given[0]), given[1]
+    elif isinstance(near, (tuple, list)) and len(near) == 2:
+        phase, velocity = real_number("near", near[0]), near[1]
     else:
         what = "an Orbit, a State at the stop, or (phase, velocity)"
-        raise invalid("near", given, what, "for example near=(0.25, 1.4)")
+        raise invalid("near", near, what, "for example near=(0.25, 1.4)")
     allowed = "an impact of velocity > 0"
     speed = real_number("near", velocity, allowed)
     if speed <= 0.0:
@@ -89,13 +89,13 @@ def _impact(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:
 
 def _from(model: Model, cycle: Cycle, start: Floats) -> Orbits[Orbit]:
     """Return the orbit that Newton's method reaches."""
-    found = solve(model.at(), cycle, start)
-    if found.singular or not found.converged:
-        return lost(found, cycle.name)
-    smallest = true_cycle(cycle, found.z)
+    solved = solve(model.at(), cycle, start)
+    if solved.singular or not solved.converged:
+        return lost(solved, cycle.name)
+    smallest = true_cycle(cycle, solved.z)
     if smallest != cycle:
         return other_name(smallest.name, cycle.name)
-    return ordered([make_orbit(model, cycle, from_hardest(cycle, found.z))])
+    return ordered([make_orbit(model, cycle, from_hardest(cycle, solved.z))])
 
 
 def _anywhere(model: Model, cycle: Cycle) -> Orbits[Orbit]:
@@ -104,10 +104,10 @@ def _anywhere(model: Model, cycle: Cycle) -> Orbits[Orbit]:
     solutions: list[Floats] = []
     others: list[Cycle] = []
     for start in candidates(osc, cycle):
-        found = solve(osc, cycle, start)
-        if not found.converged or found.singular or found.z[cycle.n_impacts :].min() <= 0.0:
+        solved = solve(osc, cycle, start)
+        if not solved.converged or solved.singular or solved.z[cycle.n_impacts :].min() <= 0.0:
             continue
-        z = from_hardest(cycle, found.z)
+        z = from_hardest(cycle, solved.z)
         if any(same_orbit(Impacts.of(z), Impacts.of(other)) for other in solutions):
             continue
         smallest = true_cycle(cycle, z)
@@ -148,7 +148,7 @@ def _chain(samples: Samples, p: int) -> Floats | None:
     return np.concatenate([periods - periods[0] + phases, velocities])
 
 
-def cycle_of(chain: Floats) -> Floats:
+def as_cycle(chain: Floats) -> Floats:
     """Return the cycle that a chain would be if its last impact were its first."""
     p = len(chain) // 2 - 1
     return np.concatenate([chain[:p], chain[p + 1 : -1]])
@@ -190,4 +190,4 @@ def candidates(osc: ImpactOscillator, cycle: Cycle) -> list[Floats]:
     best = misses.ravel() <= np.partition(misses.ravel(), TRIES)[TRIES]
     chosen = np.flatnonzero((lowest.ravel() | best) & np.isfinite(misses.ravel()))
     chosen = chosen[np.argsort(misses.ravel()[chosen])]
-    return [cycle_of(chain) for chain in [attractor, *(chains[j] for j in chosen)] if chain is not None]
+    return [as_cycle(chain) for chain in [attractor, *(chains[j] for j in chosen)] if chain is not None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
@@ -79,8 +79,8 @@ class Orbit:
     @property
     def model(self) -> Model:
         """The family that made the oscillator or system, or that itself."""
-        found: Model = self.oscillator if self.family is None else self.family
-        return found
+        model: Model = self.oscillator if self.family is None else self.family
+        return model
 
     def value(self, parameter: str) -> float:
         """Return the value of a parameter of its model."""
@@ -170,13 +170,13 @@ class Orbit:
         self.check_flies()
         cycle, z = solution_of(self)
         parameters, osc, turns = parameters_of(self.oscillator), self.oscillator, z[: cycle.n_impacts]
-        flight, found = flight_of(parameters), np.empty((3, np.size(times), 1))
+        flight, kinematics = flight_of(parameters), np.empty((3, np.size(times), 1))
         for row, turn in enumerate(turns[0] + (np.ravel(times) / osc.period - turns[0]) % self.n_periods):
             i = int(np.searchsorted(turns, turn, side="right")) - 1
             angle, leaving, _ = cycle.takeoff(parameters, z, i)
             gap, rate = flight.after(angle, leaving, float(turn - turns[i]) * osc.period)
-            found[:, row, 0] = osc.gap - gap, -rate, -flight.bend(TURN * float(turn), gap, rate)
-        return found[0], found[1], found[2]
+            kinematics[:, row, 0] = osc.gap - gap, -rate, -flight.bend(TURN * float(turn), gap, rate)
+        return kinematics[0], kinematics[1], kinematics[2]
 
     def check_flies(self) -> None:
         """Refuse an orbit that rests at a stop: it does not follow from its impacts."""
@@ -196,13 +196,13 @@ def value_of(model: Model, name: str) -> float:
     return float(values[name] if name in values else getattr(model, name))
 
 
-def check_pair(model: Model, parameter: str, name: str, given: Any) -> tuple[float, float]:
+def check_pair(model: Model, parameter: str, name: str, pair: Any) -> tuple[float, float]:
     """Return the two values of a parameter of a model that an argument of that name holds."""
     check_names(model.parameters, [parameter])
     try:
-        first, second = given
+        first, second = pair
     except (TypeError, ValueError):
-        raise invalid(name, given, f"two values of {parameter}") from None
+        raise invalid(name, pair, f"two values of {parameter}") from None
     return model.parameters[parameter].check(first), model.parameters[parameter].check(second)
 
 
@@ -216,8 +216,8 @@ def make_orbit(model: Model, cycle: Cycle, z: Floats) -> Orbit:
         oscillator=osc,
         n_periods=cycle.n_periods,
         n_impacts=p,
-        velocities=tuple(float(v) for v in z[p:]),
-        phases=tuple(_phase(float(s)) for s in z[:p]),
+        velocities=tuple(z[p:].tolist()),
+        phases=phases_of(z[:p].tolist()),
         multipliers=cycle.multipliers(parameters_of(osc), z),
         admissible=not message,
         message=message,
@@ -225,9 +225,10 @@ def make_orbit(model: Model, cycle: Cycle, z: Floats) -> Orbit:
     )
 
 
-def _phase(turns: float) -> float:
-    phase = turns - math.floor(turns)
-    return phase if phase < 1.0 else 0.0
+def phases_of(turns: Iterable[float]) -> tuple[float, ...]:
+    """Return driving phases, in [0, 1), from times in driving periods."""
+    phases = (turn % 1.0 for turn in turns)
+    return tuple(phase if phase < 1.0 else 0.0 for phase in phases)  # just below 0 it rounds to 1
 
 
 def solution_of(orbit: Orbit) -> tuple[Cycle, Floats]:

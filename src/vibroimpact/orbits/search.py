@@ -7,7 +7,7 @@ from typing import Any
 
 from vibroimpact.model import Model, check_model
 from vibroimpact.orbits import one_mass
-from vibroimpact.orbits.found import IMPACTS, Guess, Orbits, numbers_of
+from vibroimpact.orbits.results import IMPACTS, Guess, Orbits, numbers_of
 from vibroimpact.parameters import invalid, truth, whole_number
 
 

@@ -183,7 +183,7 @@ def end_of_sticking(osc: Model, parameter: str, between: tuple[float, float], *,
         inside, outside = (middle, outside) if same else (inside, middle)
     if 0 < periods(outside, n_periods) < n_periods:  # lost to the chatter of an earlier period, which has its end here
         inside, outside = outside, inside
-    return _point(osc.replace(**{parameter: inside}), parameter, inside, osc.at(**{parameter: outside}))
+    return _point(osc.replace(**{parameter: inside}), parameter, inside, osc.at(**{parameter: outside}), n_periods)
 
 
 def _followed(model: Model, parameter: str, inside: float, outside: float, n_periods: int) -> StickingEnd:
@@ -220,21 +220,21 @@ def ending(orbit: Any) -> tuple[str, float]:
     return ("fold", away) if away < FOLDS else ("lost", missed)
 
 
-def _point(model: Model, parameter: str, value: float, beyond: ImpactOscillator) -> StickingEnd:
+def _point(model: Model, parameter: str, value: float, beyond: ImpactOscillator, n_periods: int) -> StickingEnd:
     osc = model.at()
-    stick = from_release(osc, LONGEST)
+    stick = from_release(osc, max(LONGEST, n_periods))
     assert stick is not None
     orbit = sticking_orbit(model, stick, Tolerances().chatter)
     fraction = orbit.stuck_time / osc.period
-    left = residual(osc.restitution, fraction)
+    missed = residual(osc.restitution, fraction)
     outcome, message = "found", ""
-    if left > MET and beyond.stiffness * beyond.gap <= -(1.0 - LIFTED) * beyond.amplitude:
+    if missed > MET and beyond.stiffness * beyond.gap <= -(1.0 - LIFTED) * beyond.amplitude:
         outcome = "pressed_for_ever"
         message = f"beyond `{parameter}` = {value!r} the force no longer lifts the mass off the stop (k g <= -f)"
-    elif left > MET:
+    elif missed > MET:
         outcome = "unresolved"
         message = (
             f"the mass rests for {fraction:.3g} T at `{parameter}` = {value!r} and not at the next number: "
             "a long transient magnifies rounding beyond double precision; look for cycles of fewer periods"
         )
-    return StickingEnd(osc, parameter, value, orbit.n_periods, fraction, left, outcome, message, orbit)
+    return StickingEnd(osc, parameter, value, orbit.n_periods, fraction, missed, outcome, message, orbit)

@@ -46,19 +46,19 @@ def refine_map(
     if tile is not None and cluster is None:
         raise ValueError("with `refine`, `tile` goes with `cluster` only; leave it out")
     with reporter(progress, "cells") as report, ExitStack() as stack:
-        kept = None
+        stored, writer = None, None
         if store is not None:
             from vibroimpact.execution.store import open_or_create
 
             stored = open_or_create(store, request, usual_tile(request, listed=True))
             if stored.is_whole():
                 return stored.dataset()
-            kept = stored, stack.enter_context(stored.writing())
+            writer = stack.enter_context(stored.writing())
         place = stack.enter_context(computing(cluster, workers))
         picture = Picture(request.shape, request.indices, request.measurement.impacts.keep, may_wind(request.model))
         level = {"level": level_variable(request.dims, picture.level)}
         dataset = map_of(request, picture.values).assign(level)
-        batches = Batches(request, picture, dataset, place, tile, report, kept)
+        batches = Batches(request, picture, dataset, place, tile, report, stored, writer)
         complete = refine_picture(picture, request.further["refine"], request.further["jump"], batches)
         dataset.attrs |= {
             "complete": int(complete),
@@ -66,18 +66,17 @@ def refine_map(
             "fraction_computed": picture.computed / picture.level.size,
             "filled_in": _filled_in(coarse.shape, complete),
         }
-        if kept is None:
+        if stored is None or writer is None:
             return dataset
-        stored, writer = kept
         writer.draw({**picture.values, "level": picture.level}, dataset.attrs)
         return stored.dataset()
 
 
-def _filled_in(given: tuple[int, ...], complete: bool) -> str:
+def _filled_in(coarse: tuple[int, ...], complete: bool) -> str:
     """Return the values of cells that were not computed, and what these may hide."""
     if not complete:
         return "stopped early: the other cells hold the motion of the nearest ones, also where that is no impact"
-    grid = " x ".join(map(str, given))
+    grid = " x ".join(map(str, coarse))
     return (
         "every cell without impacts was computed; the others hold the motion of their neighbours, so that islands of "
         f"another motion between the points of the given {grid} grid may be missing"
@@ -105,7 +104,7 @@ class Batches:
 
     In the lists of a store every batch begins a tile, so that the place of a cell follows from the request alone.
     Impacts and steps are counted in the attributes of `dataset`, the picture as a map; `report` gets cells computed,
-    cells known to be needed, and the dataset. A `tile` of None is what suits the place; `kept` are store and writer.
+    cells known to be needed, and the dataset. A `tile` of None is what suits the place; `writer` is that of the store.
     """
 
     def __init__(
@@ -116,42 +115,40 @@ class Batches:
         place: Place,
         tile: int | None,
         report: Report,
-        kept: tuple[SweepStore, TileWriter] | None,
+        store: SweepStore | None,
+        writer: TileWriter | None,
     ) -> None:
         self.request, self.picture, self.dataset = request, picture, dataset
-        self.place, self.tile, self.report, self.kept = place, tile, report, kept
+        self.place, self.tile, self.report, self.store, self.writer = place, tile, report, store, writer
         self.stop = Stop(report)
-        self.chunk = kept[0].tiling.tile[0] if kept else usual_tile(request, listed=True)
+        self.chunk = writer.tiling.tile[0] if writer else usual_tile(request, listed=True)
         self.chunks = self.done = self.needed = 0
 
     def __call__(self, at: Places, level: int) -> bool:
         """Compute the cells `at`, flat indices of the fine grid; return whether all are known."""
         self.needed += len(at)
-        if self.kept:
-            self.kept[1].need(self.needed)
+        if self.writer:
+            self.writer.need(self.needed)
         waiting = {}
         for low in range(0, len(at), self.chunk):
             cells = at[low : low + self.chunk]
             if not self._recalled(self.chunks, cells, level):
                 waiting[self.chunks] = cells
             self.chunks += 1
-        self._tell()
+        self._report_progress()
         if waiting and not self.stop.is_set():
             self._compute(waiting, self.tile or self.place.part_size(self.request, len(at)), level)
         return not waiting and not self.stop.is_set()
 
     def _recalled(self, number: int, cells: Places, level: int) -> bool:
         """Whether a chunk is in the store, for these cells and undamaged, and has been taken from there."""
-        if not self.kept:
-            return False
-        store, writer = self.kept
-        if not writer.is_done(number):
+        if self.store is None or self.writer is None or not self.writer.is_done(number):
             return False
         with suppress(OSError):  # damaged since the store was opened: computed again
-            found = {name: values[: len(cells)] for name, values in store.read(number).items()}
-            if np.array_equal(found["cell"], cells):
-                self.picture.put(cells, found, level)
-                self._count(len(cells), *writer.cost(number))
+            stored = {name: values[: len(cells)] for name, values in self.store.read(number).items()}
+            if np.array_equal(stored["cell"], cells):
+                self.picture.put(cells, stored, level)
+                self._count(len(cells), *self.writer.cost(number))
                 return True
         return False
 
@@ -169,17 +166,17 @@ class Batches:
                 chunk = gathered.add(number, len(waiting[number]), ended, outcome)
                 if chunk is not None:
                     cells = waiting.pop(number)
-                    if self.kept and number < len(self.kept[0].tiling):  # more batches are not kept
-                        self.kept[1].write(number, chunk | {"cell": cells}, perf_counter() - began)
+                    if self.writer and number < len(self.writer.tiling):  # more batches are not kept
+                        self.writer.write(number, chunk | {"cell": cells}, perf_counter() - began)
                         began = perf_counter()
-                self._tell()
+                self._report_progress()
 
     def _count(self, cells: int, impacts: int, steps: int) -> None:
         self.done += cells
         self.dataset.attrs["impacts_computed"] += impacts
         self.dataset.attrs["steps_computed"] += steps
 
-    def _tell(self) -> None:
+    def _report_progress(self) -> None:
         if self.report(self.done, self.needed, self.dataset) is False:
             self.stop.set()
 

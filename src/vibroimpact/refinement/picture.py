@@ -65,14 +65,14 @@ class Picture:
         self._fill_between((slice(0, None, 2 * step), coarse), (slice(step, None, 2 * step), coarse), 0)
         self._fill_between((fine, slice(0, None, 2 * step)), (fine, slice(step, None, 2 * step)), 1)
 
-    def _fill_between(self, known: tuple[slice, slice], new: tuple[slice, slice], axis: int) -> None:
-        below, above = _neighbours(self.motion[known], axis)
+    def _fill_between(self, lattice: tuple[slice, slice], new: tuple[slice, slice], axis: int) -> None:
+        below, above = _neighbours(self.motion[lattice], axis)
         for low in range(0, len(below), BAND):
             band = slice(low, low + BAND)
             unknown = self.level[new][band] < 0
             same = below[band] == above[band]
             for field in self.values.values():
-                lower, upper = (side[band] for side in _neighbours(field[known], axis))
+                lower, upper = (side[band] for side in _neighbours(field[lattice], axis))
                 guess = lower
                 if field.dtype.kind == "f":
                     guess = np.where(same & (lower != upper), 0.5 * (lower + upper), lower)

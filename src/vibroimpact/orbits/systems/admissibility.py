@@ -11,13 +11,12 @@ import numpy as np
 from vibroimpact.backends.base import Counts
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.admissibility import ROUNDING
-from vibroimpact.orbits.equations import STRIDE, TURN
+from vibroimpact.orbits.equations import FEWEST_SAMPLES, STRIDE, TURN
 from vibroimpact.orbits.systems.cycle import Cycle, Leg
 from vibroimpact.orbits.systems.events import PUSH_AGAIN, Pushing
 from vibroimpact.orbits.systems.flow import Flow
 
 MOST_SAMPLES = 1 << 16  # in a leg
-FEWEST_SAMPLES = 16
 TERMS = 14  # of a power series over one stride: 0.15^14/14! is below rounding
 BISECTIONS = 60
 RESOLVED = float(np.finfo(float).eps)  # of a step: how far from a minimum one may be, whose value is flat there
@@ -48,9 +47,9 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
         after, drive = np.split(leg.start, [2 * flow.n])
         if flow.restitution[event.stop] == 0.0 and flow.clearance(event.stop, after, drive, leg.pushing)[2] < 0.0:
             return f"after impact {number} it comes to rest at {names[event.stop]!r}"
-        met = _first_beyond(*flown(cycle, unknown, i), event.stop, cycle.event_after(i).stop)
-        if met is not None:
-            angle, other, depth = met
+        penetration = _first_beyond(*flown(cycle, unknown, i), event.stop, cycle.event_after(i).stop)
+        if penetration is not None:
+            angle, other, depth = penetration
             if depth == 0.0:
                 return f"the impact after impact {number} would strike {names[other]!r} at the same time"
             phase = (angles[i] + angle) / TURN % 1.0
@@ -67,29 +66,31 @@ def flown(cycle: Cycle, unknown: Floats, i: int) -> tuple[Leg, list[Course]]:
     if i not in latest:
         leg = cycle.leg(unknown, i)
         latest[i] = leg, list(courses(leg, cycle.events[i].stop))
-    found: tuple[Leg, list[Course]] = latest[i]
-    return found
+    flown_leg: tuple[Leg, list[Course]] = latest[i]
+    return flown_leg
 
 
-def _first_beyond(leg: Leg, met: list[Course], left: int, ending: int) -> tuple[float, int, float] | None:
+def _first_beyond(leg: Leg, courses: list[Course], beginning: int, ending: int) -> tuple[float, int, float] | None:
     """Return the first place where a leg gets beyond a stop, or pulls at one: angle since its begin, stop, depth.
 
     A leg that ends on another stop than expected, too, has depth 0 there.
     """
-    firsts, found = [], []
-    for course in met:
-        gaps, ends = course.gaps.copy(), [at for at, stop in ((0, left), (-1, ending)) if stop == course.stop]
+    firsts, penetrations = [], []
+    for course in courses:
+        gaps, ends = course.gaps.copy(), [at for at, stop in ((0, beginning), (-1, ending)) if stop == course.stop]
         gaps[ends] = np.maximum(gaps[ends], 0.0)
         places, depths = np.append(course.places, course.angles), -np.append(course.lowest, gaps)
         beyond = depths > ROUNDING * course.size
         if beyond.any():
             deepest = int(np.argmax(depths))
             firsts.append(float(places[beyond].min()))
-            found.append((float(places[deepest]), course.stop, float(depths[deepest] * leg.flow.lengths[course.stop])))
+            penetrations.append(
+                (float(places[deepest]), course.stop, float(depths[deepest] * leg.flow.lengths[course.stop]))
+            )
         elif course.stop != ending and gaps[-1] <= ROUNDING * course.size and course.closing:
             firsts.append(leg.duration)
-            found.append((leg.duration, course.stop, 0.0))
-    return found[int(np.argmin(firsts))] if found else None
+            penetrations.append((leg.duration, course.stop, 0.0))
+    return penetrations[int(np.argmin(firsts))] if penetrations else None
 
 
 def nearest_of(cycle: Cycle, unknown: Floats) -> tuple[int, float, float, int, float]:
@@ -166,14 +167,14 @@ class Samples(NamedTuple):
 
     def along(self, forms: Floats) -> Floats:
         """Return linear forms of state and drive at all samples, a row for each."""
-        found = self.coarse.T @ (forms @ self.fine).transpose(1, 2, 0)
-        return found.reshape(len(forms), -1)[:, : len(self.angles)]
+        rows = self.coarse.T @ (forms @ self.fine).transpose(1, 2, 0)
+        return rows.reshape(len(forms), -1)[:, : len(self.angles)]
 
     def at(self, forms: Floats, which: Counts) -> Floats:
         """Return linear forms of state and drive at some samples, a row for each."""
         block, step = np.divmod(which, len(self.fine))
-        found: Floats = ((forms @ self.fine)[step] @ self.coarse.T[block][..., None])[..., 0].T
-        return found
+        rows: Floats = ((forms @ self.fine)[step] @ self.coarse.T[block][..., None])[..., 0].T
+        return rows
 
 
 def turning_points(series: Floats, samples: Samples, slopes: Floats) -> tuple[Floats, Floats]:
@@ -207,18 +208,18 @@ def clearances(flow: Flow, pushing: Pushing) -> Floats:
     """Return the coefficients of the power series of each clearance as linear forms of state and drive."""
     phase = flow.phase(pushing)
     whole = np.block([[phase.matrix, phase.load], [np.zeros(phase.load.T.shape), flow.turning]])
-    found = np.zeros((len(flow.beta), TERMS, len(whole)))
-    found[:, 0] = np.hstack([-flow.beta / flow.units, np.zeros_like(flow.beta), flow.bounds])
+    series = np.zeros((len(flow.beta), TERMS, len(whole)))
+    series[:, 0] = np.hstack([-flow.beta / flow.units, np.zeros_like(flow.beta), flow.bounds])
     for j in range(1, TERMS):
-        found[:, j] = found[:, j - 1] @ whole / j
-    return found
+        series[:, j] = series[:, j - 1] @ whole / j
+    return series
 
 
 def pulls(row: Floats, lag: float) -> Floats:
     """Return the series of (u + l u')/(1 + l), which is zero where the force is, from that of u."""
     rates = row[1:] * np.arange(1.0, len(row))[:, None]
-    found: Floats = (row[:-1] + lag * rates) / (1.0 + lag)
-    return found
+    series: Floats = (row[:-1] + lag * rates) / (1.0 + lag)
+    return series
 
 
 def _minima(series: Floats, step: float) -> tuple[Floats, Floats]:

@@ -26,8 +26,9 @@ from itertools import pairwise
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.orbits.equations import TURN
+from vibroimpact.orbits.equations import RESONANT, TURN, UNFORCED
 from vibroimpact.orbits.systems.cycle import Cycle
+from vibroimpact.parameters import counted
 
 Curve = Callable[[float], float]
 
@@ -40,7 +41,7 @@ RATIOS = 65  # of a law, at which solutions are compared; more cost 1 ms each
 def one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
     """Return all orbits with the one impact of a cycle, as its unknowns, by their phases, and why there are none."""
     flow, ((stop, _),) = cycle.flow, cycle.events
-    constant = flow.laws[stop] is None
+    constant = flow.elements[stop].ratio is not None
     unknowns, why = _at_ratio(cycle, float(flow.restitution[stop])) if constant else _at_all_ratios(cycle)
     return [(cycle, unknown) for unknown in unknowns], why
 
@@ -48,16 +49,16 @@ def one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
 def _at_all_ratios(cycle: Cycle) -> tuple[list[Floats], str]:
     """Return the unknowns under a law of restitution."""
     ratios = np.linspace(0.0, 1.0, RATIOS)
-    several, found = [_at_ratio(cycle, float(r))[0] for r in ratios], []
-    for (low, before), (high, after) in pairwise(zip(ratios.tolist(), several, strict=True)):
+    by_ratio, unknowns = [_at_ratio(cycle, float(r))[0] for r in ratios], []
+    for (low, before), (high, after) in pairwise(zip(ratios.tolist(), by_ratio, strict=True)):
         for one in before:
             other = _nearest(after, one[0])
             if other is None:
                 continue
             rises = _beyond(cycle, high, other) > 0.0
             if (_beyond(cycle, low, one) > 0.0) != rises:
-                found += _under_law(cycle, [low, high], np.unwrap([one[0], other[0]]), rises)
-    return found, "" if found else _at_ratio(cycle, 0.5)[1] or nowhere(cycle)
+                unknowns += _under_law(cycle, [low, high], np.unwrap([one[0], other[0]]), rises)
+    return unknowns, "" if unknowns else _at_ratio(cycle, 0.5)[1] or nowhere(cycle)
 
 
 def _nearest(unknowns: list[Floats], angle: float) -> Floats | None:
@@ -74,16 +75,16 @@ def _beyond(cycle: Cycle, r: float, unknown: Floats) -> float:
 
 def _under_law(cycle: Cycle, ratios: list[float], angles: Floats, rises: bool) -> list[Floats]:
     """Return the solution under the law between two values of r, on the branch between two angles, by bisection."""
-    found = None
+    unknown = None
     while ratios[1] - ratios[0] > EPS:
         middle = 0.5 * (ratios[0] + ratios[1])
-        found = _nearest(_at_ratio(cycle, middle)[0], float(angles.mean()))
-        if found is None:
+        unknown = _nearest(_at_ratio(cycle, middle)[0], float(angles.mean()))
+        if unknown is None:
             return []
-        end = int((_beyond(cycle, middle, found) > 0.0) == rises)
-        ratios[end], angles[end] = middle, found[0]
+        end = int((_beyond(cycle, middle, unknown) > 0.0) == rises)
+        ratios[end], angles[end] = middle, unknown[0]
         angles = np.unwrap(angles)
-    return [] if found is None else [found]
+    return [] if unknown is None else [unknown]
 
 
 def _at_ratio(cycle: Cycle, r: float) -> tuple[list[Floats], str]:
@@ -105,12 +106,12 @@ def _at_ratio(cycle: Cycle, r: float) -> tuple[list[Floats], str]:
     solution = right.T @ ((left[:, :rank].T / sizes[:, None]) @ sides)
     if np.abs(nulls).max() <= negligible:
         return [], _at_any_phase(cycle, bool(np.abs(solution[-1]).max() > negligible))
-    found = []
+    unknowns = []
     for angle in roots(flow.orders, nulls[0]):
         x, v = np.split(solution @ flow.drive(angle), [2 * flow.n])
         if v[0] > VANISHED * float(np.linalg.norm(x)):
-            found.append(np.append(angle, x))
-    return found, "" if found else nowhere(cycle)
+            unknowns.append(np.append(angle, x))
+    return unknowns, "" if unknowns else nowhere(cycle)
 
 
 def _equations(cycle: Cycle, stop: int, r: float) -> tuple[Floats, Floats]:
@@ -156,18 +157,18 @@ def roots(orders: Floats, coefficients: Floats) -> list[float]:
     ends = np.unique(angles)
     heights = np.array([value(angle) for angle in ends])
     touching = np.abs(heights) <= 8.0 * EPS * size
-    found = list(ends[touching])
+    zeros = list(ends[touching])
     for i, low in enumerate(ends):
         high = ends[i + 1] if i + 1 < len(ends) else ends[0] + TURN
         begin, end = heights[i], heights[(i + 1) % len(ends)]
         if not (touching[i] or touching[(i + 1) % len(ends)]) and (begin < 0.0) != (end < 0.0):
-            found.append(_between(value, slope, float(low), float(high), begin < 0.0) % TURN)
+            zeros.append(_between(value, slope, float(low), float(high), begin < 0.0) % TURN)
 
     def same(low: float, high: float) -> bool:  # of a double zero, with nothing but rounding between them
         return high - low < 0.1 / float(orders.max(initial=1.0)) and abs(value(0.5 * (low + high))) <= 8.0 * EPS * size
 
     kept: list[float] = []
-    for angle in sorted(map(float, found)):
+    for angle in sorted(map(float, zeros)):
         if not kept or not (same(kept[-1], angle) or same(angle, kept[0] + TURN)):
             kept.append(angle)
     return kept
@@ -203,7 +204,7 @@ def _between(value: Curve, slope: Curve, low: float, high: float, rising: bool) 
 
 
 def _what(cycle: Cycle) -> str:
-    periods = f"{cycle.n_periods} driving period{'s' if cycle.n_periods > 1 else ''}"
+    periods = counted(cycle.n_periods, "driving period")
     return f"half of {periods}" if cycle.images else periods
 
 
@@ -212,7 +213,7 @@ def not_isolated(cycle: Cycle, null: Floats, driven: bool) -> str:
     flow, x = cycle.flow, null[:-1]
     if abs(null[-1]) > 1e-8:
         if driven:
-            return "undamped, without loss and in resonance: impact velocities grow without bound"
+            return RESONANT
         return "without loss: impacts of any velocity repeat, so orbits are not isolated"
     drifting = float(np.linalg.norm(flow.phase().matrix @ x)) <= 1e-8 * float(np.linalg.norm(x))
     if drifting:
@@ -234,7 +235,7 @@ def _at_any_phase(cycle: Cycle, hits: bool) -> str:
 def nowhere(cycle: Cycle) -> str:
     """Return why there are none, where nothing else says so."""
     if unforced(cycle):
-        return "unforced: impacts and damping dissipate energy, and nothing supplies it"
+        return UNFORCED
     return f"no velocity > 0 returns to itself after {_what(cycle)}"
 
 

@@ -32,7 +32,7 @@ Coefficients = Callable[[Floats, float], Floats]
 
 DEGREE = 16  # of the series
 RESOLVED = 1e-9
-FEWEST, MOST = 4, 128  # intervals of one length; of more, those of longer durations are left out
+FEWEST_INTERVALS, MOST_INTERVALS = 4, 128  # of one length; of more, those of longer durations are left out
 SMOOTH = 0.1  # the last terms fall to less where an interval is halved, unless they are rounding,
 ROUNDED = 1e-6  # which they are at most that part of the largest to be
 SHORTEST = 2.0**-40  # of the length: shorter intervals hold nothing but rounding
@@ -52,7 +52,7 @@ class Zeros(NamedTuple):
 
     durations: Floats
     angles: Floats
-    left: tuple[float, float] | None
+    unsearched: tuple[float, float] | None
 
 
 class Series(NamedTuple):
@@ -103,40 +103,40 @@ def common_zeros(coefficients: Coefficients, length: float, orders: Floats) -> Z
     angles = np.tile(wide * (1.0 + 2.0 * np.arange(sectors)), number)
     one = np.ones(len(angles))
     rectangles = Rectangles(np.repeat(np.arange(number), sectors), 0.0 * one, angles, one, wide * one)
-    second, found = _second(series, orders), []
+    second, starts = _second(series, orders), []
     for _ in range(2 * HALVINGS):
         possible, single, along = _tested(series, orders, second, rectangles)
-        found.append(rectangles.of(single))
+        starts.append(rectangles.of(single))
         counts = np.bincount(rectangles.intervals[more := possible & ~single], minlength=number)
         order = np.argsort(counts)
         crowded = order[(np.cumsum(counts[order]) > RECTANGLES) | (counts[order] > CROWD)]
-        found.append(rectangles.of(more & (aside := np.isin(rectangles.intervals, crowded))))
+        starts.append(rectangles.of(more & (aside := np.isin(rectangles.intervals, crowded))))
         ends = np.concatenate([ends, (series.middles + np.array([[-1.0], [1.0]]) * series.halves)[:, crowded].ravel()])
         rectangles = rectangles.of(more := more & ~aside).halved(along[more])
         if not more.any():
             break
-    left = (float(ends.min()), float(ends.max())) if len(ends) else None
-    return Zeros(*_refined(series, orders, _joined([*found, rectangles])), left)
+    unsearched = (float(ends.min()), float(ends.max())) if len(ends) else None
+    return Zeros(*_refined(series, orders, _joined([*starts, rectangles])), unsearched)
 
 
 def _interpolated(coefficients: Coefficients, length: float) -> tuple[Series, Floats]:
     """Return the series of coefficients between 0 and a length, and the ends of intervals that are left out."""
-    width, found, left = length / FEWEST, [], np.array([])
-    lows, before = width * np.arange(float(FEWEST)), np.full((FEWEST, 2), np.inf)
+    width, pieces, unresolved = length / FEWEST_INTERVALS, [], np.array([])
+    lows, before = width * np.arange(float(FEWEST_INTERVALS)), np.full((FEWEST_INTERVALS, 2), np.inf)
     while len(lows):
         terms = np.einsum("kj,pjiz->pikz", TO_TERMS, coefficients(lows, width))
         rest, sizes = np.abs(terms[:, :, -2:]).sum(axis=(2, 3)), np.abs(terms).max(axis=(2, 3))
         rounded = (rest > SMOOTH * before) & (rest <= ROUNDED * sizes)
         done = ((rest <= RESOLVED * sizes) | rounded).all(axis=1)
-        found.append(Series(lows[done] + 0.5 * width, np.full(done.sum(), 0.5 * width), terms[done], rest[done]))
+        pieces.append(Series(lows[done] + 0.5 * width, np.full(done.sum(), 0.5 * width), terms[done], rest[done]))
         before, width = np.repeat(rest[~done], 2, axis=0), 0.5 * width
         lows = (lows[~done, None] + [0.0, width]).ravel()
         if width < SHORTEST * length:
-            left, lows = np.concatenate([left, lows, lows + width]), lows[:0]
-        if len(lows) > MOST:
-            left = np.concatenate([left, lows[MOST:], lows[MOST:] + width])
-            lows, before = lows[:MOST], before[:MOST]
-    return Series(*map(np.concatenate, zip(*found, strict=True))), left
+            unresolved, lows = np.concatenate([unresolved, lows, lows + width]), lows[:0]
+        if len(lows) > MOST_INTERVALS:
+            unresolved = np.concatenate([unresolved, lows[MOST_INTERVALS:], lows[MOST_INTERVALS:] + width])
+            lows, before = lows[:MOST_INTERVALS], before[:MOST_INTERVALS]
+    return Series(*map(np.concatenate, zip(*pieces, strict=True))), unresolved
 
 
 def _second(series: Series, orders: Floats) -> list[Floats]:
@@ -166,8 +166,8 @@ def _inverse(slopes: Floats) -> Floats:
     """Return the inverses of matrices of two rows, infinite or NaN where there is none."""
     (a, b), (c, d) = slopes[:, 0].T, slopes[:, 1].T
     with np.errstate(divide="ignore", invalid="ignore"):
-        found: Floats = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
-    return found.transpose(2, 0, 1)
+        inverses: Floats = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+    return inverses.transpose(2, 0, 1)
 
 
 def _tested(
@@ -179,14 +179,14 @@ def _tested(
     slopes = slopes * np.stack([half, wide], axis=2)
     bend, twist, curl = (each[rectangles.intervals] for each in second)
     bend, curl = 0.5 * bend * half**2, 0.5 * curl * wide**2
-    left = series.rest[rectangles.intervals] + bend + twist * half * wide + curl
-    possible = (np.abs(values) <= np.abs(slopes).sum(axis=2) + left).all(axis=1)
+    rest = series.rest[rectangles.intervals] + bend + twist * half * wide + curl
+    possible = (np.abs(values) <= np.abs(slopes).sum(axis=2) + rest).all(axis=1)
     with np.errstate(invalid="ignore"):
         inverse = _inverse(slopes)
         steps = np.abs(np.einsum("pij,pj->pi", inverse, values))
-        spread = np.einsum("pij,pj->pi", np.abs(inverse), left)
+        spread = np.einsum("pij,pj->pi", np.abs(inverse), rest)
         possible &= ~(steps > 1.0 + spread).any(axis=1)
-    along = np.divide(bend - curl, left, out=np.zeros_like(left), where=left > 0.0).sum(axis=1) > 0.0
+    along = np.divide(bend - curl, rest, out=np.zeros_like(rest), where=rest > 0.0).sum(axis=1) > 0.0
     return possible, possible & (spread < 0.5).all(axis=1), along
 
 

@@ -30,20 +30,20 @@ class Contact(NamedTuple):
 
 def contacts_of(cycle: Cycle, unknown: Floats, speeds: Floats) -> tuple[Contact, ...]:
     """Return the effect of each impact of a cycle, from the speeds at its events."""
-    flow, found = cycle.flow, []
+    flow, contacts = cycle.flow, []
     for at in cycle.impacts:
         stop = cycle.events[at].stop
         if flow.compliant[stop]:
-            found.append(_pressed(cycle, unknown, at))
+            contacts.append(_on_compliant(cycle, unknown, at))
         else:
             impulse = (1.0 + flow.rebound(stop, -speeds[at])[0]) * speeds[at] * flow.omega / flow.lengths[stop]
-            found.append(Contact(float(impulse)))
-    return tuple(found)
+            contacts.append(Contact(float(impulse)))
+    return tuple(contacts)
 
 
-def _pressed(cycle: Cycle, unknown: Floats, at: int) -> Contact:
+def _on_compliant(cycle: Cycle, unknown: Floats, at: int) -> Contact:
     """Return the sums over the legs of one contact."""
-    flow, begun = cycle.flow, cycle.events[at].stop
+    flow, struck = cycle.flow, cycle.events[at].stop
     time = impulse = lost = force = depth = 0.0
     for stop, leg in _legs(cycle, unknown, at):
         if stop not in leg.pushing:
@@ -60,8 +60,8 @@ def _pressed(cycle: Cycle, unknown: Floats, at: int) -> Contact:
             lost += float(((pulled * rates) @ weights).sum())
         force = -min(-force, pulling[0].min(), turning_points(pull, samples, pulling[1])[1].min(initial=math.inf))
         depth = -min(-depth, gaps[0].min(), turning_points(row, samples, gaps[1])[1].min(initial=math.inf))
-    length, omega = float(flow.lengths[begun]), flow.omega
-    unit = float(flow.stiffness[begun]) * (1.0 + flow.lag(begun)) * omega  # of impulses over the length
+    length, omega = float(flow.lengths[struck]), flow.omega
+    unit = float(flow.stiffness[struck]) * (1.0 + flow.lag(struck)) * omega  # of impulses over the length
     impulse, force = unit * impulse / length, unit * omega * force / length
     return Contact(impulse, time / omega, float(force), float(length * depth), unit * omega * lost)
 

@@ -89,20 +89,24 @@ class Cycle:
     @cached_property
     def phases(self) -> list[Pushing]:
         """The stops that push before each event, and after the last."""
-        found = [self.pushing]
+        pushing = [self.pushing]
         for event in self.events:
-            found.append(event.then(found[-1], self.flow.compliant.tolist()))
-        return found
+            pushing.append(event.then(pushing[-1], self.flow.compliant.tolist()))
+        return pushing
 
     @property
     def fastest(self) -> float:
         """The largest rate, per unit of the driving angle, at which anything changes in the cycle."""
         return max(self.flow.phase(pushing).fastest for pushing in self.phases)
 
+    @cached_property
+    def next_events(self) -> tuple[Event, ...]:
+        """The events of the next cycle, or of the other half of this one."""
+        return tuple(event.in_mirror(self.images) for event in self.events) if self.images else self.events
+
     def event_after(self, i: int) -> Event:
         """Return the event that leg i ends with."""
-        first = self.events[0]
-        return (*self.events, first.in_mirror(self.images) if self.images else first)[i + 1]
+        return (*self.events, self.next_events[0])[i + 1]
 
     def angles(self, unknown: Floats) -> Floats:
         """Return the driving angles of the events, and of the first one of the next cycle."""
@@ -111,17 +115,16 @@ class Cycle:
 
     def whole(self, unknown: Floats) -> tuple[Cycle, Floats]:
         """Return the cycle that this is half of, and its unknown."""
-        p, later = len(self.events), tuple(event.in_mirror(self.images) for event in self.events)
-        found = replace(self, events=self.events + later, images=())
-        return found, np.concatenate([unknown[:p], unknown[:p] + self.length, unknown[p:]])
+        p = len(self.events)
+        cycle = replace(self, events=self.events + self.next_events, images=())
+        return cycle, np.concatenate([unknown[:p], unknown[:p] + self.length, unknown[p:]])
 
     def rotated(self, unknown: Floats, first: int) -> tuple[Cycle, Floats]:
         """Return the same cycle from another event on, and its unknown."""
-        p, events = len(self.events), self.events
-        later = tuple(event.in_mirror(self.images) for event in events[:first]) if self.images else events[:first]
-        found = replace(self, events=events[first:] + later, pushing=self.phases[first])
+        p = len(self.events)
+        cycle = replace(self, events=self.events[first:] + self.next_events[:first], pushing=self.phases[first])
         angles = np.append(unknown[first:p], unknown[:first] + self.length)
-        return found, np.append(angles, self.states(unknown)[first])
+        return cycle, np.append(angles, self.states(unknown)[first])
 
     @cached_property
     def _latest(self) -> dict[Any, Any]:
@@ -140,17 +143,17 @@ class Cycle:
         latest = self.latest(unknown)
         if "states" not in latest:
             latest["states"] = self._flown(unknown.copy())
-        found: list[Floats] = latest["states"]
-        return found
+        states: list[Floats] = latest["states"]
+        return states
 
     def _flown(self, unknown: Floats) -> list[Floats]:
-        found, angles = [unknown[len(self.events) :]], self.angles(unknown)
+        states, angles = [unknown[len(self.events) :]], self.angles(unknown)
         drives = self.flow.drive(angles)
         for i, event in enumerate(self.events):
-            after = self.flow.struck(event.stop, found[-1], drives[i])
+            after = self.flow.struck(event.stop, states[-1], drives[i])
             grown, driven = self.flow.over(angles[i + 1] - angles[i], self.phases[i + 1])
-            found.append(after + grown @ after + driven @ drives[i])
-        return found
+            states.append(after + grown @ after + driven @ drives[i])
+        return states
 
     def leg(self, unknown: Floats, i: int) -> Leg:
         """Return the leg from event i on."""
@@ -164,15 +167,15 @@ class Cycle:
         Those of events that are no impacts are infinite.
         """
         flow, states = self.flow, self.states(unknown)
-        found = np.full(len(self.events), math.inf)
+        speeds = np.full(len(self.events), math.inf)
         for at in self.impacts:
-            found[at] = -flow.closing(self.events[at].stop, states[at], flow.drive(unknown[at]))
-        return found
+            speeds[at] = -flow.closing(self.events[at].stop, states[at], flow.drive(unknown[at]))
+        return speeds
 
     def velocities(self, unknown: Floats) -> Floats:
         """Return the velocities of the impacts in m/s."""
-        found: Floats = self.speeds(unknown)[self.impacts] * self.flow.lengths[list(self.stops)] * self.flow.omega
-        return found
+        velocities: Floats = self.speeds(unknown)[self.impacts] * self.flow.lengths[list(self.stops)] * self.flow.omega
+        return velocities
 
     def solve(self, start: Floats) -> Solved:
         """Return the solution that Newton's method reaches."""
@@ -202,8 +205,9 @@ class Cycle:
             matrix[i, i] += rise
             after = flow.struck(event.stop, x, z)
             if not flow.compliant[event.stop]:
-                slope = flow.reflection(event.stop, x, z) @ slope
-                slope[:, i] += flow.kicked(event.stop, x, z)
+                by_state, by_angle = flow.impact_slopes(event.stop, x, z)
+                slope = by_state @ slope
+                slope[:, i] += by_angle
             slope[:, i] -= flow.rate(after, z, pushing)
             grown, driven = flow.over(angles[i + 1] - angles[i], pushing)
             x, slope = after + grown @ after + driven @ z, slope + grown @ slope
@@ -239,11 +243,11 @@ class Cycle:
     def monodromy(self, unknown: Floats) -> Floats:
         """Return the Jacobian of the cycle from just before its first event, in scaled modes, beside a free centre."""
         flow, angles = self.flow, self.angles(unknown)
-        found: Floats = self.sign * np.eye(2 * flow.n)
+        jacobian: Floats = self.sign * np.eye(2 * flow.n)
         for i, (event, x) in enumerate(zip(self.events, self.states(unknown), strict=False)):
-            found = flow.saltation(event, x, flow.drive(angles[i]), self.phases[i]) @ found
-            found = found + flow.over(angles[i + 1] - angles[i], self.phases[i + 1])[0] @ found
-        return found[np.ix_(~flow.neutral, ~flow.neutral)]
+            jacobian = flow.saltation(event, x, flow.drive(angles[i]), self.phases[i]) @ jacobian
+            jacobian = jacobian + flow.over(angles[i + 1] - angles[i], self.phases[i + 1])[0] @ jacobian
+        return jacobian[np.ix_(~flow.neutral, ~flow.neutral)]
 
     def multipliers(self, unknown: Floats) -> tuple[complex, ...]:
         """Return the Floquet multipliers of the cycle, or of half of it, the largest first."""
@@ -258,5 +262,5 @@ def multipliers_of(jacobian: Floats) -> tuple[complex, ...]:
     """Return the eigenvalues of a cycle's Jacobian, the largest first."""
     if not np.isfinite(jacobian).all():  # at a graze
         return (complex(math.inf), *(0j for _ in jacobian[1:]))
-    found: NDArray[np.complex128] = np.linalg.eigvals(jacobian).astype(complex)
-    return tuple(complex(value) for value in sorted(found, key=lambda value: (-abs(value), -value.imag)))
+    eigenvalues: NDArray[np.complex128] = np.linalg.eigvals(jacobian).astype(complex)
+    return tuple(complex(value) for value in sorted(eigenvalues, key=lambda value: (-abs(value), -value.imag)))

@@ -33,6 +33,6 @@ class Event(NamedTuple):
         return self._replace(stop=images[self.stop])
 
 
-def struck(stops: Sequence[int]) -> tuple[Event, ...]:
+def impacts_on(stops: Sequence[int]) -> tuple[Event, ...]:
     """Return the events of impacts on rigid stops."""
     return tuple(map(Event, stops))

@@ -40,12 +40,12 @@ def growth(matrix: Floats) -> Floats:
     size = float(np.abs(matrix).sum(axis=-2).max(initial=0.0))
     squarings = max(0, math.frexp(size)[1])
     part = matrix * 0.5**squarings
-    found: Floats = part / TERMS
+    grown: Floats = part / TERMS
     for j in range(TERMS - 1, 0, -1):
-        found = (part + part @ found) / j
+        grown = (part + part @ grown) / j
     for _ in range(squarings):
-        found = 2.0 * found + found @ found
-    return found
+        grown = 2.0 * grown + grown @ grown
+    return grown
 
 
 class Phase(NamedTuple):
@@ -63,11 +63,6 @@ class Phase(NamedTuple):
     back: Floats | None = None
 
 
-def _first_order(elastic: Floats, viscous: Floats, units: Floats) -> Floats:
-    """Return the matrix of y'' = -elastic y - viscous y' for the state (units y, y')."""
-    return np.block([[np.zeros_like(elastic), np.diag(units)], [-elastic / units, -viscous]])
-
-
 class Flow:
     """The flights, contacts and impacts of one system in scaled modes."""
 
@@ -76,7 +71,6 @@ class Flow:
         self.n, self.omega, self.restitution = len(form.squares), form.omega, form.restitution
         self.compliant = np.array([not stop.element.instantaneous for stop in system.stops], bool)
         self.elements = [stop.element for stop in system.stops]
-        self.laws = [None if stop.ratio is not None else stop.law for stop in system.stops]
         roots, self.orders = np.sqrt(form.masses), form.orders.astype(float)
         self.neutral: Any = form.neutral.ravel()  # of the state: the place and the drift of a free centre
         self.centre = np.flatnonzero(self.neutral)
@@ -121,13 +115,14 @@ class Flow:
             k, c, bound = self.stiffness[stop], self.viscosity[stop], self.bounds[stop]
             elastic, viscous = elastic + k * np.outer(row, row), viscous + c * np.outer(row, row)
             push = push + np.outer(row, k * bound + c * bound @ self.turning)
-        units = np.sqrt(np.maximum(np.diag(elastic), 1.0)) if stiff else self.units
-        matrix, load = _first_order(elastic, viscous, units), np.vstack([np.zeros_like(push), push])
+        units, none = np.sqrt(np.maximum(np.diag(elastic), 1.0)) if stiff else self.units, np.zeros((n, n))
+        # y'' = -elastic y - viscous y' + push z for the state (units y, y')
+        matrix = np.block([[none, np.diag(units)], [-elastic / units, -viscous]])
+        load = np.vstack([np.zeros_like(push), push])
         whole, sizes = self._whole(matrix, load)
         fastest = float(max(units.max(), np.abs(viscous).sum(axis=1).max(), self.orders.max(initial=1.0)))
         if not stiff:
             return Phase(matrix, load, whole, sizes, fastest)
-        none = np.zeros((n, n))
         turned = np.block([[units[:, None] * turn.T / self.units, none], [none, turn.T]])
         back = np.block([[self.units[:, None] * turn / units, none], [none, turn]])
         return Phase(back @ matrix @ turned, back @ load, whole, sizes, fastest, turned, back)
@@ -167,14 +162,14 @@ class Flow:
     def fly(self, x: Floats, begin: float, end: float, pushing: Pushing = ()) -> Floats:
         """Return the state at the angle `end` of a flight that has the state x at `begin`."""
         grown, driven = self.over(end - begin, pushing)
-        found: Floats = x + grown @ x + driven @ self.drive(begin)
-        return found
+        state: Floats = x + grown @ x + driven @ self.drive(begin)
+        return state
 
-    def rate(self, x: Floats, z: Floats, pushing: Pushing = ()) -> Floats:
+    def rate(self, x: Floats, z: Floats, pushing: Pushing) -> Floats:
         """Return x'."""
         phase = self.phase(pushing)
-        found: Floats = phase.matrix @ x + phase.load @ z
-        return found
+        rate: Floats = phase.matrix @ x + phase.load @ z
+        return rate
 
     def clearance(self, stop: int, x: Floats, z: Floats, pushing: Pushing = ()) -> tuple[float, float, float]:
         """Return the clearance of a stop over its length, and its first two derivatives."""
@@ -199,22 +194,17 @@ class Flow:
 
     def struck(self, stop: int, x: Floats, z: Floats) -> Floats:
         """Return the state just after an impact."""
-        found, closing = x.copy(), self.closing(stop, x, z)
-        found[self.n :] += (1.0 + self.rebound(stop, closing)[0]) * closing * self.beta[stop]
-        return found
+        after, closing = x.copy(), self.closing(stop, x, z)
+        after[self.n :] += (1.0 + self.rebound(stop, closing)[0]) * closing * self.beta[stop]
+        return after
 
-    def reflection(self, stop: int, x: Floats, z: Floats) -> Floats:
-        """Return the derivative of the state after an impact by the one before it, at a fixed time."""
-        found, factor = np.eye(2 * self.n), 1.0 + self.rebound(stop, self.closing(stop, x, z))[1]
-        found[self.n :, self.n :] -= factor * np.outer(self.beta[stop], self.beta[stop])
-        return found
-
-    def kicked(self, stop: int, x: Floats, z: Floats) -> Floats:
-        """Return the derivative of the state after an impact by the driving angle, at a fixed state before it."""
-        found, bound = np.zeros(2 * self.n), self.bounds[stop]
-        factor = 1.0 + self.rebound(stop, self.closing(stop, x, z))[1]
-        found[self.n :] = factor * float(bound @ self.turning @ self.turning @ z) * self.beta[stop]
-        return found
+    def impact_slopes(self, stop: int, x: Floats, z: Floats) -> tuple[Floats, Floats]:
+        """Return the derivatives of the state after an impact by the one before it and by the driving angle."""
+        beta, factor = self.beta[stop], 1.0 + self.rebound(stop, self.closing(stop, x, z))[1]
+        by_state, by_angle = np.eye(2 * self.n), np.zeros(2 * self.n)
+        by_state[self.n :, self.n :] -= factor * np.outer(beta, beta)
+        by_angle[self.n :] = factor * float(self.bounds[stop] @ self.turning @ self.turning @ z) * beta
+        return by_state, by_angle
 
     def lag(self, stop: int) -> float:
         """Return c/k of a stop: the rate of the clearance counts so much in its force; 0 of a rigid one."""
@@ -223,13 +213,13 @@ class Flow:
     def rotation(self, angle: float | Floats) -> Floats:
         """Return by what z is multiplied over an angle, or over many."""
         turned = np.multiply.outer(angle, self.orders)
-        found = np.zeros((*turned.shape[:-1], 1 + 2 * len(self.orders), 1 + 2 * len(self.orders)))
+        rotation = np.zeros((*turned.shape[:-1], 1 + 2 * len(self.orders), 1 + 2 * len(self.orders)))
         sine = 1 + np.arange(len(self.orders))
         cosine = sine + len(self.orders)
-        found[..., 0, 0] = 1.0
-        found[..., sine, sine] = found[..., cosine, cosine] = np.cos(turned)
-        found[..., sine, cosine], found[..., cosine, sine] = np.sin(turned), -np.sin(turned)
-        return found
+        rotation[..., 0, 0] = 1.0
+        rotation[..., sine, sine] = rotation[..., cosine, cosine] = np.cos(turned)
+        rotation[..., sine, cosine], rotation[..., cosine, sine] = np.sin(turned), -np.sin(turned)
+        return rotation
 
     def watched(self, event: Event) -> tuple[Floats, Floats]:
         """Return the linear forms of state and drive whose sum is zero at an event.
@@ -267,11 +257,11 @@ class Flow:
         force is zero nothing jumps.
         """
         n, stop = self.n, event.stop
-        beta, found = self.beta[stop], np.eye(2 * n)
+        beta, matrix = self.beta[stop], np.eye(2 * n)
         if self.compliant[stop]:
             if event.kind == IMPACT:
-                found[n:, :n] = -self.viscosity[stop] * np.outer(beta, beta) / self.units
-            return found
+                matrix[n:, :n] = -self.viscosity[stop] * np.outer(beta, beta) / self.units
+            return matrix
         damping = -self.phase(pushing).matrix[n:, n:]
         _, closing, bend = self.clearance(stop, x, z, pushing)
         r, slope = self.rebound(stop, closing)
@@ -279,7 +269,7 @@ class Flow:
         moved, turned = (np.eye(n) - (1.0 + factor) * np.outer(beta, beta) for factor in (r, slope))
         with np.errstate(invalid="ignore"):
             below = (1.0 + r) * (damping @ beta) - (1.0 + slope) * bent * beta
-            found[n:, :n] = np.outer(below, beta) / self.units
-        found[:n, :n] = self.units[:, None] * moved / self.units
-        found[n:, n:] = turned
-        return found
+            matrix[n:, :n] = np.outer(below, beta) / self.units
+        matrix[:n, :n] = self.units[:, None] * moved / self.units
+        matrix[n:, n:] = turned
+        return matrix

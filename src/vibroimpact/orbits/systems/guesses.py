@@ -10,7 +10,7 @@ import numpy as np
 
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.found import Guess
+from vibroimpact.orbits.results import Guess
 from vibroimpact.orbits.systems.admissibility import clearances, courses, pulls
 from vibroimpact.orbits.systems.cycle import Cycle, Leg
 from vibroimpact.orbits.systems.events import IMPACT, LET_GO, PUSH_AGAIN, Event, Pushing
@@ -20,15 +20,14 @@ from vibroimpact.parameters import invalid, real_number, several
 
 CHUNK = 15.0  # radians of the fastest rate that are looked at at once
 HALVINGS = 50
-MOST = 1000  # events
-LEAST = 0.4  # of the time to the next event: a contact is guessed to be that long at most
+MOST_EVENTS = 1000
+SHARE = 0.4  # of the time to the next event: a contact is guessed to be that long at most
 
 
 def beginning(
     flow: Flow, n_periods: int, stops: tuple[int, ...], images: tuple[int, ...], guess: Guess
 ) -> tuple[Cycle, Floats]:
     """Return the cycle and the unknown that Newton's method starts from."""
-    length = TURN * n_periods * (0.5 if images else 1.0)
     orbit, parts = guess.orbit, 2 if images and guess.symmetric else 1
     if orbit is not None and len(orbit.system.mass) == flow.n:
         cycle, unknown = cycle_of(orbit)
@@ -38,27 +37,28 @@ def beginning(
         if cycle.stops == stops:
             return cycle, np.append(unknown[:p], np.linalg.solve(flow.physical, state))
     elif guess.only_state:
-        found = traced(flow, n_periods, guess.state, stops)
-        if found is None:
+        cycle_and_unknown = traced(flow, n_periods, guess.state, stops)
+        if cycle_and_unknown is None:
             raise invalid("near", guess.state, f"a state from which these stops are struck in {n_periods} periods")
-        return found
+        return cycle_and_unknown
     if guess.none:
         raise invalid("near", None, "an orbit or the times of the impacts", "orbits of several impacts need a guess")
     if orbit is not None:
         angles = TURN * np.array(orbit.turns[: orbit.n_impacts // parts])
     else:
-        times = several("near", guess.given, "an orbit or times")
+        times = several("near", guess.near, "an orbit or times")
         angles = flow.omega * np.array([real_number(f"near[{i}]", time) for i, time in enumerate(times)])
     if len(angles) != len(stops):
-        raise invalid("near", guess.given, f"one time for each of the {len(stops)} stops struck")
+        raise invalid("near", guess.near, f"one time for each of the {len(stops)} stops struck")
+    length = TURN * n_periods * (0.5 if images else 1.0)
     if not (np.diff(np.append(angles, angles[0] + length)) > 0.0).all():
-        raise invalid("near", guess.given, f"times in order, within {length / flow.omega:.6g} s")
+        raise invalid("near", guess.near, f"times in order, within {length / flow.omega:.6g} s")
     events, angles = _with_releases(flow, stops, angles, angles[0] + length)
     cycle = Cycle(flow, n_periods, events, images)
     return cycle, _from_angles(cycle, angles)
 
 
-class Met(NamedTuple):
+class Occurrence(NamedTuple):
     """An event of a motion: which, at which driving angle, the state just before it, and what pushed then."""
 
     event: Event
@@ -69,12 +69,12 @@ class Met(NamedTuple):
 
 def pressed(flow: Flow, x: Floats, z: Floats) -> Pushing:
     """Return the stops that push in a state: compliant ones that are pressed in and do not pull."""
-    found = []
+    pushing = []
     for stop in np.flatnonzero(flow.compliant).tolist():
         u, rate, _ = flow.clearance(stop, x, z)
         if u < 0.0 and u + flow.lag(stop) * rate < 0.0:
-            found.append(stop)
-    return tuple(found)
+            pushing.append(stop)
+    return tuple(pushing)
 
 
 def traced(flow: Flow, n_periods: int, state: Any, stops: tuple[int, ...] | int) -> tuple[Cycle, Floats] | None:
@@ -86,21 +86,22 @@ def traced(flow: Flow, n_periods: int, state: Any, stops: tuple[int, ...] | int)
     number = stops if isinstance(stops, int) else len(stops)
     x = np.linalg.solve(flow.physical, np.append(state.displacement, state.velocity))
     angle = state.time * flow.omega
-    met: list[Met] = []
-    pushing, last, left = pressed(flow, x, flow.drive(angle)), angle + TURN * (2 * n_periods + 1), -1
-    while sum(each.event.kind == IMPACT for each in met) <= number:
-        if angle > last or len(met) > MOST:
+    passed: list[Occurrence] = []
+    pushing, last, last_stop = pressed(flow, x, flow.drive(angle)), angle + TURN * (2 * n_periods + 1), -1
+    while sum(each.event.kind == IMPACT for each in passed) <= number:
+        if angle > last or len(passed) > MOST_EVENTS:
             return None
         longest = CHUNK / flow.phase(pushing).fastest
-        found = _next(flow, x, angle, longest, pushing, left)
-        if found is None:
-            x, angle, left = flow.fly(x, angle, angle + longest, pushing), angle + longest, -1
+        occurrence = _next(flow, x, angle, longest, pushing, last_stop)
+        if occurrence is None:
+            x, angle, last_stop = flow.fly(x, angle, angle + longest, pushing), angle + longest, -1
             continue
-        if met or found.event.kind == IMPACT:
-            met.append(found)
-        x, angle, left = found.x, found.angle, found.event.stop
-        x, pushing = flow.struck(left, x, flow.drive(angle)), found.event.then(pushing, flow.compliant.tolist())
-    *events, again = met
+        event = occurrence.event
+        if passed or event.kind == IMPACT:
+            passed.append(occurrence)
+        x, angle, last_stop = occurrence.x, occurrence.angle, event.stop
+        x, pushing = flow.struck(event.stop, x, flow.drive(angle)), event.then(pushing, flow.compliant.tolist())
+    *events, again = passed
     cycle = Cycle(flow, n_periods, tuple(each.event for each in events), (), events[0].pushing)
     if abs(again.angle - events[0].angle - cycle.length) > 0.1 or again.event != events[0].event:
         return None
@@ -118,13 +119,13 @@ def traced(flow: Flow, n_periods: int, state: Any, stops: tuple[int, ...] | int)
     return cycle, unknown
 
 
-def _next(flow: Flow, x: Floats, angle: float, longest: float, pushing: Pushing, left: int) -> Met | None:
-    """Return the next event of a motion within an angle; the last one was of the stop `left`."""
+def _next(flow: Flow, x: Floats, angle: float, longest: float, pushing: Pushing, last_stop: int) -> Occurrence | None:
+    """Return the next event of a motion within an angle; the last one was of `last_stop`."""
     leg = Leg(flow, np.append(x, flow.drive(angle)), longest, pushing)
-    first, which = longest, None
+    first, stop = longest, None
     for course in courses(leg):
         heights, step = course.gaps, float(course.angles[1])
-        if course.stop == left or heights[0] < 0.0:
+        if course.stop == last_stop or heights[0] < 0.0:
             heights[0] = max(heights[0], 0.0)
         falls = np.flatnonzero((heights[:-1] >= 0.0) & (heights[1:] < 0.0))
         ends = np.append(course.places[course.lowest < 0.0], course.angles[falls + 1])
@@ -134,14 +135,14 @@ def _next(flow: Flow, x: Floats, angle: float, longest: float, pushing: Pushing,
         begin = float(course.angles[int(np.searchsorted(course.angles, end)) - 1])
         at = _crossing(level, begin, end)
         if at < first:
-            first, which = at, course.stop
-    if which is None:
+            first, stop = at, course.stop
+    if stop is None:
         return None
-    there = flow.fly(x, angle, angle + first, pushing)
-    kind = LET_GO if which in pushing else IMPACT
-    if kind == IMPACT and flow.clearance(which, there, flow.drive(angle + first))[1] > 0.0:
+    before = flow.fly(x, angle, angle + first, pushing)
+    kind = LET_GO if stop in pushing else IMPACT
+    if kind == IMPACT and flow.clearance(stop, before, flow.drive(angle + first))[1] > 0.0:
         kind = PUSH_AGAIN
-    return Met(Event(which, kind), angle + first, there, pushing)
+    return Occurrence(Event(stop, kind), angle + first, before, pushing)
 
 
 def _level(leg: Leg, stop: int) -> Callable[[float], float]:
@@ -152,8 +153,8 @@ def _level(leg: Leg, stop: int) -> Callable[[float], float]:
     def level(angle: float) -> float:
         grown, driven = leg.flow.over(angle, leg.pushing)
         x, z = leg.start[:size], leg.start[size:]
-        there = np.concatenate([x + grown @ x + driven @ z, leg.flow.rotation(angle) @ z])
-        return float(-pull @ there if stop in leg.pushing else max(row[0] @ there, pull @ there))
+        later = np.concatenate([x + grown @ x + driven @ z, leg.flow.rotation(angle) @ z])
+        return float(-pull @ later if stop in leg.pushing else max(row[0] @ later, pull @ later))
 
     return level
 
@@ -188,5 +189,5 @@ def _with_releases(flow: Flow, stops: tuple[int, ...], angles: Floats, end: floa
         times.append(touch)
         if flow.compliant[stop]:
             events.append(Event(stop, LET_GO))
-            times.append(touch + min(np.pi / flow.phase((stop,)).fastest, LEAST * (after - touch)))
+            times.append(touch + min(np.pi / flow.phase((stop,)).fastest, SHARE * (after - touch)))
     return tuple(events), np.array(times)

@@ -32,8 +32,9 @@ from vibroimpact.orbits.systems.common_zeros import NODES, common_zeros
 from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.events import IMPACT, LET_GO, Event, Pushing
 from vibroimpact.orbits.systems.flow import Flow, growth
+from vibroimpact.parameters import counted
 
-MANY = 256  # orbits of one contact
+MOST_ORBITS = 256  # of one contact: more are not isolated
 CLOSED = 1e-3  # of the orbit's size, and of the largest force: what is farther from an orbit is none
 SHARES = (np.arange(8) + 0.5) / 8  # of a contact, at which the stop must not pull
 
@@ -46,9 +47,9 @@ def one_contact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
         return [], why
     zeros = common_zeros(lambda lows, width: _coefficients(cycle, lows, width), cycle.length, flow.orders)
     starts = _starts(cycle, zeros.durations, zeros.angles)
-    if len(starts) > MANY:
+    if len(starts) > MOST_ORBITS:
         return [], "contacts of many durations repeat: orbits are not isolated"
-    found: list[Floats] = []
+    solutions: list[Floats] = []
     contacts: list[Impacts] = []
     for start in starts:
         solved = cycle.solve(start)
@@ -56,14 +57,14 @@ def one_contact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
             contact = Impacts(solved.z[:1] / TURN, cycle.velocities(solved.z))
             if not any(same_orbit(contact, other) for other in contacts):
                 solved.z[:2] -= TURN * np.floor(solved.z[0] / TURN)
-                found.append(solved.z)
+                solutions.append(solved.z)
                 contacts.append(contact)
-    what = "half a cycle" if cycle.images else f"{cycle.n_periods} driving period{'s' if cycle.n_periods > 1 else ''}"
-    why = "" if found else f"no contact was found that repeats after {what}"
-    if zeros.left:
-        begin, end = np.array(zeros.left) / flow.omega
+    what = "half a cycle" if cycle.images else counted(cycle.n_periods, "driving period")
+    why = "" if solutions else f"no contact was found that repeats after {what}"
+    if zeros.unsearched:
+        begin, end = np.array(zeros.unsearched) / flow.omega
         why = f"{why}{'; ' if why else ''}of contacts of {begin:.3g} to {end:.3g} s some may be missed"
-    return [(cycle, z) for z in found], why
+    return [(cycle, z) for z in solutions], why
 
 
 def _not_isolated(cycle: Cycle) -> str:
@@ -159,8 +160,8 @@ def _coefficients(cycle: Cycle, lows: Floats, width: float) -> Floats:
     else:
         back = back - lag * (rate @ end)
     scales = determinants[..., None] / np.stack([weights, durations + lag], axis=-1)
-    found: Floats = scales[..., None] * np.stack([back, pressed], axis=-2)
-    return found
+    coefficients: Floats = scales[..., None] * np.stack([back, pressed], axis=-2)
+    return coefficients
 
 
 def _growth(flow: Flow, angles: Floats, pushing: Pushing = ()) -> Floats:
@@ -173,5 +174,5 @@ def _growth(flow: Flow, angles: Floats, pushing: Pushing = ()) -> Floats:
 
 def _then(first: Floats, second: Floats) -> Floats:
     """Return the growth over one flight after another."""
-    found: Floats = first + second + second @ first
-    return found
+    both: Floats = first + second + second @ first
+    return both

@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike
 
 from vibroimpact.cells import Floats
 from vibroimpact.model import Model, State
-from vibroimpact.model.stops import Stop
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.orbit import Orbit, Rest, family_of
+from vibroimpact.orbits.orbit import Orbit, Rest, family_of, phases_of
 from vibroimpact.orbits.systems.admissibility import objection
 from vibroimpact.orbits.systems.contacts import Contact, contacts_of
 from vibroimpact.orbits.systems.cycle import Cycle
@@ -84,8 +83,8 @@ class SystemOrbit(Orbit):
     @property
     def system(self) -> ImpactSystem:
         """The system that moves so."""
-        found: ImpactSystem = self.oscillator
-        return found
+        system: ImpactSystem = self.oscillator
+        return system
 
     @property
     def twin(self) -> SystemOrbit:
@@ -137,8 +136,9 @@ class SystemOrbit(Orbit):
         lost = float(np.diag(form.damping)[~form.neutral[1]].sum()) * self.period
         for duration, pushing in zip(np.diff(cycle.angles(unknown)), cycle.phases[1:], strict=True):
             lost += float(rates[list(pushing)].sum()) * duration / flow.omega
-        struck = zip((self.system.stops[stop] for stop in cycle.stops), self.velocities, strict=True)
-        return math.prod((_shrinks(stop, v) for stop, v in struck), start=math.exp(-lost))
+        struck = zip((self.system.stops[stop].element for stop in cycle.stops), self.velocities, strict=True)
+        shrinks = (element.rebound(v) * element.sensitivity(v) for element, v in struck)  # by 1 on a compliant stop
+        return float(math.prod(shrinks, start=math.exp(-lost)))
 
     def motion(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return displacements, velocities and accelerations at times in s, each of shape (times, coordinates).
@@ -162,12 +162,17 @@ class SystemOrbit(Orbit):
         2.54
         """
         cycle, unknown = cycle_of(self)
-        return moved(cycle, unknown, np.asarray(times, float) * self.system.force.omega)
-
-
-def phases_of(turns: Sequence[float]) -> tuple[float, ...]:
-    """Return driving phases, in [0, 1), from times in driving periods."""
-    return tuple(turn % 1.0 for turn in turns)
+        flow, ends = cycle.flow, cycle.angles(unknown)
+        angles = np.ravel(times) * self.system.force.omega
+        kinematics = np.empty((3, len(angles), flow.n))
+        for row, angle in enumerate(unknown[0] + (angles - unknown[0]) % cycle.length):
+            i = min(int(np.searchsorted(ends, angle, side="right")) - 1, len(cycle.events) - 1)
+            leg = cycle.leg(unknown, i)
+            x = flow.fly(leg.start[: 2 * flow.n], ends[i], angle, leg.pushing)
+            rate = flow.rate(x, flow.drive(angle), leg.pushing)
+            kinematics[:2, row] = (flow.physical @ x).reshape(2, flow.n)
+            kinematics[2, row] = flow.omega * (flow.physical @ rate)[flow.n :]
+        return kinematics[0], kinematics[1], kinematics[2]
 
 
 def at_rest(rests: Sequence[Rest], n_periods: int, period: float) -> tuple[float, float, float]:
@@ -177,11 +182,6 @@ def at_rest(rests: Sequence[Rest], n_periods: int, period: float) -> tuple[float
     _, begin, end = rests[0]
     release = end % 1.0 if end - begin < n_periods else math.nan
     return begin % 1.0, release, sum(rest.end - rest.begin for rest in rests) * period
-
-
-def _shrinks(stop: Stop, v: float) -> float:
-    """Return r d(r v)/dv of an impact; 1 where contact with a compliant stop begins."""
-    return float(stop.element.rebound(v) * stop.element.sensitivity(v))
 
 
 def cycle_of(orbit: SystemOrbit) -> tuple[Cycle, Floats]:
@@ -202,21 +202,6 @@ def cycle_of(orbit: SystemOrbit) -> tuple[Cycle, Floats]:
     return Cycle(flow, orbit.n_periods, events, (), pushing), unknown
 
 
-def moved(cycle: Cycle, unknown: Floats, angles: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return displacements, velocities and accelerations along a whole cycle at driving angles."""
-    flow, ends = cycle.flow, cycle.angles(unknown)
-    n = flow.n
-    found = np.empty((3, len(angles), n))
-    for row, angle in enumerate(unknown[0] + (angles - unknown[0]) % cycle.length):
-        i = min(int(np.searchsorted(ends, angle, side="right")) - 1, len(cycle.events) - 1)
-        leg = cycle.leg(unknown, i)
-        x = flow.fly(leg.start[: 2 * n], ends[i], angle, leg.pushing)
-        rate = flow.rate(x, flow.drive(angle), leg.pushing)
-        found[:2, row] = (flow.physical @ x).reshape(2, n)
-        found[2, row] = flow.omega * (flow.physical @ rate)[n:]
-    return found[0], found[1], found[2]
-
-
 def at_first_contact(orbit: SystemOrbit) -> SystemOrbit:
     """Return the steady motion that an orbit is whose impacts all have velocity 0, as one impact a driving period."""
     cycle, unknown = cycle_of(orbit)
@@ -234,9 +219,9 @@ def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> SystemOrbit:
     halves: tuple[complex, ...] = ()
     speeds = cycle.speeds(unknown)
     speeds[np.abs(speeds) <= ROUNDING * np.abs(unknown[p:]).max()] = 0.0
-    rigid = any(not flow.compliant[cycle.events[at].stop] for at in np.flatnonzero(speeds == 0.0))
-    felt, neutral = np.count_nonzero(~flow.neutral), cycle.neutral()
-    multipliers = (complex(math.inf), *(0j for _ in range(felt - 1))) if rigid else cycle.multipliers(unknown)
+    grazes_rigid = any(not flow.compliant[cycle.events[at].stop] for at in np.flatnonzero(speeds == 0.0))
+    number, neutral = np.count_nonzero(~flow.neutral), cycle.neutral()
+    multipliers = (complex(math.inf), *(0j for _ in range(number - 1))) if grazes_rigid else cycle.multipliers(unknown)
     if cycle.images:
         halves = multipliers
         multipliers, neutral = (tuple(value * value for value in values) for values in (multipliers, neutral))
@@ -252,7 +237,7 @@ def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> SystemOrbit:
         stops=tuple(names[stop] for stop in cycle.stops),
         turns=tuple(turns[at] for at in cycle.impacts),
         velocities=tuple(velocities.tolist()),
-        phases=phases_of([turns[at] for at in cycle.impacts]),
+        phases=phases_of(turns[at] for at in cycle.impacts),
         impulses=tuple(contact.impulse for contact in contacts),
         start=State(state[: flow.n].tolist(), state[flow.n :].tolist(), turns[0] * system.period),
         multipliers=multipliers,

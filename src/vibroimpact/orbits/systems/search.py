@@ -17,11 +17,11 @@ from vibroimpact.motion import cycle_name
 from vibroimpact.motion.recognition import cycle_length
 from vibroimpact.orbits import equations
 from vibroimpact.orbits.equations import SAME
-from vibroimpact.orbits.found import IMPACTS, NOTHING, Guess, Orbits, lost, numbers_of, ordered, other_name
 from vibroimpact.orbits.orbit import same_orbit, true_cycle
+from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits, lost, numbers_of, ordered, other_name
 from vibroimpact.orbits.systems.closed_form import one_impact
 from vibroimpact.orbits.systems.cycle import Cycle
-from vibroimpact.orbits.systems.events import struck
+from vibroimpact.orbits.systems.events import impacts_on
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.guesses import beginning, traced
 from vibroimpact.orbits.systems.one_contact import one_contact
@@ -43,7 +43,7 @@ def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[S
     or where the motion from rest has settled to one.
     """
     if guess.state is None and not guess.none:
-        raise invalid("near", guess.given, "an orbit or an attractor of a system, or a State")
+        raise invalid("near", guess.near, "an orbit or an attractor of a system, or a State")
     if n_impacts == -1:
         return find_sticking(model, n_periods, guess)
     if guess.stops and len(guess.stops) != n_impacts:
@@ -71,14 +71,14 @@ def striking(
         return Orbits(outcome="none", message=why)
     if stops is None and guess.stops:
         stops = numbers_of(guess.stops[: len(guess.stops) // (2 if symmetric else 1)], system.stop_names)
-    every = [(at,) for at in range(len(system.stops)) if not symmetric or at < images[at]]
-    sequences = every if stops is None else [stops]
+    singles = [(at,) for at in range(len(system.stops)) if not symmetric or at < images[at]]
+    sequences = singles if stops is None else [stops]
     if not sequences:
         raise invalid("stops", None, f"1 to {IMPACTS} stops to strike", "the system has none")
     flow, mirrored = Flow(system), images if symmetric else ()
-    all_known = guess.none or not (guess.only_state or flow.compliant[sequences[0][0]])
-    if len(sequences[0]) == 1 and all_known:
-        return _of_one(model, [Cycle(flow, n_periods, struck(sequence), mirrored) for sequence in sequences])
+    needs_no_guess = guess.none or not (guess.only_state or flow.compliant[sequences[0][0]])
+    if len(sequences[0]) == 1 and needs_no_guess:
+        return _of_one(model, [Cycle(flow, n_periods, impacts_on(sequence), mirrored) for sequence in sequences])
     return _from(model, *beginning(flow, n_periods, sequences[0], mirrored, guess), images)
 
 
@@ -88,8 +88,8 @@ def cycles_of_one_impact(system: ImpactSystem, n_periods: int) -> list[Cycle]:
     On a compliant stop contact begins, and when it ends is to be found.
     """
     flow, images = Flow(system), mirror(system)[0] if n_periods % 2 else ()
-    cycles = [Cycle(flow, n_periods, struck((stop,))) for stop in range(len(system.stops))]
-    return cycles + [Cycle(flow, n_periods, struck((at,)), images) for at, image in enumerate(images) if at < image]
+    cycles = [Cycle(flow, n_periods, impacts_on((stop,))) for stop in range(len(system.stops))]
+    return cycles + [Cycle(flow, n_periods, impacts_on((at,)), images) for at, image in enumerate(images) if at < image]
 
 
 def of_one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
@@ -101,30 +101,30 @@ def of_one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
 
 
 def _of_one(model: Model, cycles: Iterable[Cycle]) -> Orbits[SystemOrbit]:
-    found, reasons = Orbits[SystemOrbit](), []
+    orbits, reasons = Orbits[SystemOrbit](), []
     for cycle in cycles:
         solutions, why = of_one_impact(cycle)
-        found += [make_orbit(model, *solution) for solution in solutions]
+        orbits += [make_orbit(model, *solution) for solution in solutions]
         if why:
             reasons.append((bool(solutions), f"{model.at().stop_names[cycle.events[0].stop]}: {why}"))
-    if not found:
+    if not orbits:
         return Orbits(outcome="none", message="; ".join(reason for _, reason in reasons))
-    found = ordered(found)
-    found.message = "; ".join([found.message, *(reason for beside, reason in reasons if beside)])
-    return found
+    orbits = ordered(orbits)
+    orbits.message = "; ".join([orbits.message, *(reason for beside, reason in reasons if beside)])
+    return orbits
 
 
 def _anywhere(model: Model, n_periods: int, n_impacts: int) -> Orbits[SystemOrbit]:
     """Return the symmetric orbits of two impacts, and the orbit that the motion from rest has settled to."""
-    found: list[SystemOrbit] = []
+    orbits: list[SystemOrbit] = []
     if n_impacts == 2 and n_periods % 2 and not mirror(model.at())[1]:
-        found += striking(model, n_periods, symmetric=True)
-    found += [
-        orbit for orbit in settled(model, n_periods, n_impacts) if not any(same_orbit(orbit, other) for other in found)
+        orbits += striking(model, n_periods, symmetric=True)
+    orbits += [
+        orbit for orbit in settled(model, n_periods, n_impacts) if not any(same_orbit(orbit, other) for other in orbits)
     ]
-    found = found or [orbit for orbit in find_sticking(model, n_periods, NOTHING) if orbit.n_impacts == n_impacts]
-    if found:
-        return ordered(found)
+    orbits = orbits or [orbit for orbit in find_sticking(model, n_periods, NOTHING) if orbit.n_impacts == n_impacts]
+    if orbits:
+        return ordered(orbits)
     tried = f"does not settle to a {cycle_name(n_periods, n_impacts)} orbit within {TRANSIENTS[-1]} impacts"
     return Orbits(outcome="none", message=f"the motion from rest {tried}; give `near`")
 
@@ -135,11 +135,11 @@ def _from_near(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Or
         return striking(model, n_periods, guess=guess)
     system: ImpactSystem = model.at()
     system.cells({}, guess.state)  # refused where it does not fit
-    found = traced(Flow(system), n_periods, guess.state, n_impacts)
-    if found is None:
+    cycle_and_start = traced(Flow(system), n_periods, guess.state, n_impacts)
+    if cycle_and_start is None:
         message = f"the motion from there does not come near a {cycle_name(n_periods, n_impacts)} orbit at once"
         return Orbits(outcome="not_converged", message=f"{message}; begin nearer to one")
-    return _from(model, *found, mirror(system)[0])
+    return _from(model, *cycle_and_start, mirror(system)[0])
 
 
 def _with_near(orbits: Orbits[SystemOrbit], model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOrbit]:
@@ -153,11 +153,11 @@ def _with_near(orbits: Orbits[SystemOrbit], model: Model, n_periods: int, guess:
 
 def _from(model: Model, cycle: Cycle, start: Floats, images: tuple[int, ...]) -> Orbits[SystemOrbit]:
     """Return the orbit that Newton's method reaches."""
-    found = cycle.solve(start)
+    solved = cycle.solve(start)
     name = cycle_name(cycle.n_periods, len(cycle.stops) * (2 if cycle.images else 1))
-    if found.singular or not found.converged:
-        return lost(found, name)
-    orbit = make_orbit(model, *halved(cycle, found.z, images))
+    if solved.singular or not solved.converged:
+        return lost(solved, name)
+    orbit = make_orbit(model, *halved(cycle, solved.z, images))
     whole = equations.Cycle(orbit.n_periods, orbit.n_impacts)
     smallest = true_cycle(whole, np.array([*orbit.turns, *orbit.velocities]))
     p = smallest.n_impacts
@@ -170,8 +170,8 @@ def halved(cycle: Cycle, unknown: Floats, images: tuple[int, ...]) -> tuple[Cycl
     """Return half of a cycle and its unknown, if the mirror makes the second half of the first, else both unchanged."""
     p, angles = len(cycle.events), unknown[: len(cycle.events)]
     half = replace(cycle, events=cycle.events[: p // 2], images=images)
-    image = tuple(event.in_mirror(images) for event in half.events) if images else ()
-    if cycle.images or cycle.n_periods % 2 == 0 or not image or cycle.events[p // 2 :] != image:
+    possible = images and not cycle.images and cycle.n_periods % 2
+    if not possible or cycle.events[p // 2 :] != half.next_events:
         return cycle, unknown
     x, mirrored = (state[~cycle.flow.neutral] for state in (unknown[p:], cycle.states(unknown)[p // 2]))
     late = np.abs(angles[p // 2 :] - angles[: p // 2] - half.length).max()
@@ -192,8 +192,8 @@ def settled(model: Model, n_periods: int, n_impacts: int, transients: Sequence[i
         if abs(turns[-1] - turns[0] - n_periods) <= SAME * n_periods:
             stops = samples.impact_stop[-n_impacts - 1 : -1].tolist()
             times = (turns[:-1] * system.period).tolist()
-            if found := find_near(model, n_periods, stops, times, ended(system, samples)):
-                return list(found)
+            if orbits := find_near(model, n_periods, stops, times, ended(system, samples)):
+                return list(orbits)
         elif cycle_length(samples.impact_velocity, samples.impact_phase):  # of another name
             break
     return []
@@ -208,8 +208,8 @@ def find_near(
     model: Model, n_periods: int, stops: Sequence[int], times: Sequence[float], state: State
 ) -> Orbits[SystemOrbit]:
     """Return the orbit that a motion has settled to, by the times of its impacts, or by a state where contacts last."""
-    every = model.at().stops
-    guess = Guess.of(state) if any(every[stop].compliant for stop in stops) else Guess(times)
+    all_stops = model.at().stops
+    guess = Guess.of(state) if any(all_stops[stop].compliant for stop in stops) else Guess(times)
     try:
         return striking(model, n_periods, tuple(stops), guess)
     except ValueError:  # the motion does not repeat these impacts

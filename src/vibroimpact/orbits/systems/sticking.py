@@ -25,23 +25,23 @@ from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import SAME, TURN
-from vibroimpact.orbits.found import Guess, Orbits, lost, other_name
-from vibroimpact.orbits.newton import CLOSE, MOST, SINGULAR, Solved
-from vibroimpact.orbits.orbit import Rest, family_of
+from vibroimpact.orbits.newton import CLOSE, MOST_STEPS, SHORTEST, SINGULAR, Solved
+from vibroimpact.orbits.orbit import Rest, family_of, phases_of
+from vibroimpact.orbits.results import Guess, Orbits, lost, other_name
 from vibroimpact.orbits.systems.contacts import Contact
 from vibroimpact.orbits.systems.cycle import multipliers_of
 from vibroimpact.orbits.systems.flow import Flow
-from vibroimpact.orbits.systems.orbit import SystemOrbit, at_rest, phases_of
+from vibroimpact.orbits.systems.orbit import SystemOrbit, at_rest
 from vibroimpact.parameters import invalid
 
 RETURNS = 100  # driving periods of a cycle, at most, that is recognised from rest
 SETTLING = 1000  # driving periods from rest, before those that Newton's method starts from
 
 
-class _Cycle(NamedTuple):
+class _History(NamedTuple):
     """What happens in a cycle that is followed from a time in driving periods, in this order of time.
 
-    Impacts have a time, a stop, a velocity (m/s) and an impulse (N s) each; `moves` are the coordinates at its
+    Impacts have a time, a stop, a velocity (m/s) and an impulse (N s) each; `displacements` are the coordinates at its
     beginning and after each period, less a free centre.
     """
 
@@ -50,7 +50,7 @@ class _Cycle(NamedTuple):
     velocities: Floats
     impulses: Floats
     rests: tuple[Rest, ...]
-    moves: Floats
+    displacements: Floats
 
 
 def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOrbit]:
@@ -71,26 +71,27 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOr
         if guess.sticks:  # at the same phase, which is quiet
             state = replace(state, time=state.time * system.period / guess.orbit.oscillator.period)
         else:
-            state = _quiet(system, carrier, state, n_periods)
-        found, derivative = _solve(carrier, state, system.period, n_periods)
+            state = _quiet_state(system, carrier, state, n_periods)
+        solved, derivative = _solve(carrier, state, system.period, n_periods)
     except ValueError as error:  # beyond a stop, or not to be followed
         return Orbits(outcome="not_converged", message=str(error))
-    if found.singular or not found.converged:
-        return lost(found, name)
-    state = _state(carrier, found.z, state.time)
+    if solved.singular or not solved.converged:
+        return lost(solved, name)
+    state = _state(carrier, solved.z, state.time)
     if guess.sticks:
-        state = _quiet(system, carrier, state, n_periods)
-    cycle = _follow(system, state, n_periods)
-    apart = np.abs(cycle.moves - cycle.moves[0]).max(axis=1) / np.abs(cycle.moves[0]).max()
-    periods = next((n for n in range(1, n_periods + 1) if n_periods % n == 0 and apart[n] <= SAME), 0)
+        state = _quiet_state(system, carrier, state, n_periods)
+    history = _follow(system, state, n_periods)
+    first = history.displacements[0]
+    distances = np.abs(history.displacements - first).max(axis=1) / np.abs(first).max()
+    periods = next((n for n in range(1, n_periods + 1) if n_periods % n == 0 and distances[n] <= SAME), 0)
     if not periods:  # Newton's method stood still, but the motion goes elsewhere
-        return lost(found, name)
-    if not (cycle.rests and len(cycle.times)):
-        reached = cycle_name(periods, len(cycle.times) * periods // n_periods)
+        return lost(solved, name)
+    if not (history.rests and len(history.times)):
+        reached = cycle_name(periods, len(history.times) * periods // n_periods)
         return Orbits(outcome="other_name", message=f"converged to a {reached} orbit, which rests at no stop")
     if periods < n_periods:
         return other_name(cycle_name(periods, -1), name)
-    orbit = _orbit(model, cycle, state, multipliers_of(derivative), n_periods)
+    orbit = _orbit(model, history, state, multipliers_of(derivative), n_periods)
     return Orbits([orbit], message=f"1 {name} orbit")
 
 
@@ -120,7 +121,7 @@ def _state(carrier: Carrier, x: Floats, time: float) -> State:
     return State(displacement.tolist(), velocity.tolist(), time)
 
 
-def _follow(system: ImpactSystem, state: State, n_periods: int) -> _Cycle:
+def _follow(system: ImpactSystem, state: State, n_periods: int) -> _History:
     """Return the events within n periods of a motion; rests that last beyond them are followed to their ends."""
     samples: Any
     window = StroboscopicWindow(0, 2 * n_periods + 1)
@@ -141,7 +142,7 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _Cycle:
     # Where the cycle is entered within a rest, that is seen once more, whole, at its end.
     ends = [rest.end - n_periods for rest in rests]
     rests = [rest for rest in rests if not any(abs(rest.end - end) <= SAME for end in ends)]
-    return _Cycle(
+    return _History(
         times[within],
         tuple(names[stop] for stop in samples.impact_stop[within]),
         samples.impact_velocity[within],
@@ -151,14 +152,14 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _Cycle:
     )
 
 
-def _quiet(system: ImpactSystem, carrier: Carrier, state: State, n_periods: int) -> State:
+def _quiet_state(system: ImpactSystem, carrier: Carrier, state: State, n_periods: int) -> State:
     """Return a motion's state in the middle of its longest quiet time, with all stops open if it has one.
 
     It stays in the present one unless another is twice as long.
     """
-    cycle, first = _follow(system, state, n_periods), state.time / system.period
-    begins, ends = np.array([rest[1:] for rest in cycle.rests]).reshape(-1, 2).T
-    events = np.unique((np.concatenate([cycle.times, begins, ends]) - first) % n_periods)
+    history, first = _follow(system, state, n_periods), state.time / system.period
+    begins, ends = np.array([rest[1:] for rest in history.rests]).reshape(-1, 2).T
+    events = np.unique((np.concatenate([history.times, begins, ends]) - first) % n_periods)
     if not len(events):
         return state
     lengths = np.diff(events, append=events[0] + n_periods)
@@ -181,7 +182,7 @@ def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tup
     felt = ~carrier.neutral
     beside = np.ix_(felt, felt)
     end, derivative = carrier.over(x, phase, n_periods)
-    for _ in range(MOST):
+    for _ in range(MOST_STEPS):
         derivative = derivative[beside]
         matrix = np.eye(len(derivative)) - derivative
         if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > SINGULAR:
@@ -189,7 +190,7 @@ def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tup
         step, part, size = np.zeros(len(x)), 1.0, np.abs(x[felt]).max()
         step[felt] = np.linalg.solve(matrix, (end - x)[felt])
         small = np.abs(step).max() < CLOSE * size
-        while part > 1e-3:
+        while part > SHORTEST:
             trial = x + part * step
             later, slope = carrier.over(trial, phase, n_periods)
             if small or np.abs((later - trial)[felt]).max() < np.abs((end - x)[felt]).max():
@@ -203,48 +204,53 @@ def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tup
     return Solved(x, False), derivative
 
 
-def _from_release(cycle: _Cycle, names: tuple[str, ...], n_periods: int) -> _Cycle:
+def _from_release(history: _History, names: tuple[str, ...], n_periods: int) -> _History:
     """Return a cycle from the end of its longest rest at the first stop that it rests at."""
-    first = min(cycle.rests, key=lambda rest: (names.index(rest.stop), rest.begin - rest.end))
+    first = min(history.rests, key=lambda rest: (names.index(rest.stop), rest.begin - rest.end))
     release = first.end
-    times = release + (cycle.times - release) % n_periods
+    times = release + (history.times - release) % n_periods
     order = np.argsort(times, kind="stable")
-    later = [release + (rest.begin - release) % n_periods for rest in cycle.rests]
+    later = [release + (rest.begin - release) % n_periods for rest in history.rests]
     rests = sorted(
-        (Rest(rest.stop, begin, begin + rest.end - rest.begin) for rest, begin in zip(cycle.rests, later, strict=True)),
+        (
+            Rest(rest.stop, begin, begin + rest.end - rest.begin)
+            for rest, begin in zip(history.rests, later, strict=True)
+        ),
         key=lambda rest: rest.begin,
     )
-    return cycle._replace(
+    return history._replace(
         times=times[order],
-        stops=tuple(cycle.stops[at] for at in order),
-        velocities=cycle.velocities[order],
-        impulses=cycle.impulses[order],
+        stops=tuple(history.stops[at] for at in order),
+        velocities=history.velocities[order],
+        impulses=history.impulses[order],
         rests=tuple(rests),
     )
 
 
-def _orbit(model: Model, cycle: _Cycle, state: State, multipliers: tuple[complex, ...], n_periods: int) -> SystemOrbit:
+def _orbit(
+    model: Model, history: _History, state: State, multipliers: tuple[complex, ...], n_periods: int
+) -> SystemOrbit:
     system: ImpactSystem = model.at()
-    cycle = _from_release(cycle, system.stop_names, n_periods)
-    whole = math.floor(cycle.times[0])
-    turns = tuple((cycle.times - whole).tolist())
-    rests = tuple(Rest(stop, begin - whole, end - whole) for stop, begin, end in cycle.rests)
-    struck = set(zip(cycle.stops, turns, strict=True))
+    history = _from_release(history, system.stop_names, n_periods)
+    whole = math.floor(history.times[0])
+    turns = tuple((history.times - whole).tolist())
+    rests = tuple(Rest(stop, begin - whole, end - whole) for stop, begin, end in history.rests)
+    struck = set(zip(history.stops, turns, strict=True))
     chatters = any((rest.stop, rest.begin) not in struck for rest in rests if rest.end - rest.begin < n_periods)
     stick, release, stuck = at_rest(rests, n_periods, system.period)
     return SystemOrbit(
         oscillator=system,
         n_periods=n_periods,
         n_impacts=-1 if chatters else len(turns),
-        stops=cycle.stops,
+        stops=history.stops,
         turns=turns,
-        velocities=tuple(cycle.velocities.tolist()),
+        velocities=tuple(history.velocities.tolist()),
         phases=phases_of(turns),
-        impulses=tuple(cycle.impulses.tolist()),
+        impulses=tuple(history.impulses.tolist()),
         start=state,
         multipliers=multipliers,
         family=family_of(model),
-        contacts=tuple(Contact(impulse) for impulse in cycle.impulses.tolist()),
+        contacts=tuple(Contact(impulse) for impulse in history.impulses.tolist()),
         neutral=multipliers_of(Flow(system).drift(TURN * n_periods)),
         rests=rests,
         stick_phase=stick,

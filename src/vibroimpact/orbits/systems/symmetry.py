@@ -7,7 +7,7 @@ import numpy as np
 from vibroimpact.model.stops import Stop
 from vibroimpact.model.system import ImpactSystem
 
-SAME = 1e-12  # relative: numbers nearer than this are equal
+EQUAL = 1e-12  # relative: numbers nearer than this are equal
 
 
 def mirror(system: ImpactSystem) -> tuple[tuple[int, ...], str]:
@@ -44,14 +44,14 @@ def mirror(system: ImpactSystem) -> tuple[tuple[int, ...], str]:
 def _is_image(stop: Stop, other: Stop) -> bool:
     """Return whether a stop is another one, in the mirror and half a period later; directions may differ in length."""
     ratio = np.abs(stop.direction).max() / np.abs(other.direction).max()
-    near = SAME * np.abs(stop.direction).max()
+    near = EQUAL * np.abs(stop.direction).max()
     reach = abs(stop.gap) + sum(map(abs, stop.motion.values()))
     motions = [
         stop.motion.get(order, 0.0) * (-1) ** order - ratio * other.motion.get(order, 0.0)
         for order in {*stop.motion, *other.motion}
     ]
     return bool(
-        stop.element.acts_as(other.element, ratio, SAME)
+        stop.element.acts_as(other.element, ratio, EQUAL)
         and (np.abs(stop.direction + ratio * other.direction) <= near).all()
-        and max(map(abs, [stop.gap - ratio * other.gap, *motions])) <= SAME * reach
+        and max(map(abs, [stop.gap - ratio * other.gap, *motions])) <= EQUAL * reach
     )

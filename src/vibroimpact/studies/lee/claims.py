@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import vibroimpact as vi
+from vibroimpact.cells import Floats
 from vibroimpact.motion import Motion
 from vibroimpact.studies.lee.laboratory import (
-    Floats,
     Laboratory,
     Test,
     aperiodic,
@@ -90,19 +90,18 @@ class Section:
         *,
         what: str,
         fixed_step: Callable[[Laboratory], str] | None = None,
-        importance: int = 0,
     ) -> None:
         """Register a printed number; `what` names the quantity in the sentence that says why."""
         suffix = f" {unit}" if unit else ""
 
-        @self.claim(quotation, f"{printed}{suffix}", importance)
+        @self.claim(quotation, f"{printed}{suffix}")
         def compare(lab: Laboratory) -> Outcome:
-            found = measure(lab)
-            assessment = printed_value(found, printed)
-            because = f"{what} is {found:.5g}{suffix}; the paper prints {printed}"
-            if assessment.verdict is Verdict.LAST_DIGIT and cut_like(found, printed):
+            measured = measure(lab)
+            assessment = printed_value(measured, printed)
+            because = f"{what} is {measured:.5g}{suffix}; the paper prints {printed}"
+            if assessment.verdict is Verdict.LAST_DIGIT and cut_like(measured, printed):
                 because += ", cut off instead of rounded"
-            return Outcome(assessment, f"{found:.6g}{suffix}", because, fixed_step(lab) if fixed_step else "")
+            return Outcome(assessment, f"{measured:.6g}{suffix}", because, fixed_step(lab) if fixed_step else "")
 
     def trend(
         self,
@@ -120,10 +119,10 @@ class Section:
 
         @self.claim(quotation, says)
         def compare(lab: Laboratory) -> Outcome:
-            found = measure(lab)
-            numbers = " → ".join(form.format(value) for value in found) + (f" {unit}" if unit else "")
+            values = measure(lab)
+            numbers = " → ".join(form.format(value) for value in values) + (f" {unit}" if unit else "")
             reason = because if isinstance(because, str) else because(lab)
-            return Outcome((rises if grows else falls)(found, what), numbers, reason)
+            return Outcome((rises if grows else falls)(values, what), numbers, reason)
 
     def named(self, quotation: str, name: str, omega: float) -> None:
         """Register the name of a motion at a frequency."""
@@ -131,14 +130,14 @@ class Section:
         @self.claim(quotation, f"{name} at w = {omega:g}")
         def compare(lab: Laboratory) -> Outcome:
             motion = lab.motion(omega=omega)
-            seen = lab.window(omega=omega).velocity
+            hits = lab.window(omega=omega).velocity
             other = motion.name != name and beside(lab, [omega], name, lambda motion: motion.name == name)
             return Outcome(
                 same_name(motion.name, name),
                 motion.name,
                 f"after {lab.scale.settle_impacts} impacts: {motion.sentence(OSCILLATOR.replace(omega=omega).period)}"
                 + (f"; {other}" if other else ""),
-                f"{len(seen)} impacts, {seen.min():.3g} to {seen.max():.3g} m/s" if len(seen) else "no impact",
+                f"{len(hits)} impacts, {hits.min():.3g} to {hits.max():.3g} m/s" if len(hits) else "no impact",
             )
 
     def fills(self, quotation: str, what: str, low: str, high: str, has: Test) -> None:
@@ -175,15 +174,15 @@ class Section:
 
     def natural(self, quotation: str, printed: str, **changes: float) -> None:
         """Register a printed natural frequency."""
-        found = OSCILLATOR.replace(**changes).natural_frequency
-        self.value(quotation, printed, "rad/s", lambda lab: found, what="w_n = sqrt(k/m)")
+        frequency = OSCILLATOR.replace(**changes).natural_frequency
+        self.value(quotation, printed, "rad/s", lambda lab: frequency, what="w_n = sqrt(k/m)")
 
     def natural_trend(self, quotation: str, name: str, values: tuple[float, ...], *, grows: bool) -> None:
         """Register that w_n rises or falls along values of a parameter."""
-        found = [OSCILLATOR.replace(**{name: value}).natural_frequency for value in values]
+        frequencies = [OSCILLATOR.replace(**{name: value}).natural_frequency for value in values]
         because = f"w_n = sqrt(k/m) at {name} = " + ", ".join(f"{value:g}" for value in values)
         says = "w_n rises" if grows else "w_n falls"
-        self.trend(quotation, says, lambda lab: found, "w_n", because, grows=grows, unit="rad/s")
+        self.trend(quotation, says, lambda lab: frequencies, "w_n", because, grows=grows, unit="rad/s")
 
     def first_resonance(self, quotation: str, printed: str, **changes: float) -> None:
         """Register the first impact resonance; the peak is sought up to 15 % from the printed frequency."""
@@ -215,17 +214,17 @@ class Section:
         @self.claim(quotation, f"axis to {printed}", importance)
         def compare(lab: Laboratory) -> Outcome:
             omega, height = lab.largest(**changes)
-            seen, _ = lab.window(omega=omega, **changes).hardest
+            in_window, _ = lab.window(omega=omega, **changes).hardest
             because = f"the largest velocity in (0, {TOP:g}] is {height:.4g} m/s at w = {omega:.4g}"
             because += f"; the axis ends at {printed}"
-            because += "; in the paper's window that motion is still growing" if seen < 0.9 * height else ""
-            seen_text = f"at most {seen:.4g} m/s at that w"
+            because += "; in the paper's window that motion is still growing" if in_window < 0.9 * height else ""
+            window_text = f"at most {in_window:.4g} m/s at that w"
             rules = [axis_limit(height, printed)]
             if resonance is not None:
                 at, peak = lab.peak(resonance, 0.15 * resonance, **changes)
                 rules.append(is_true(peak <= float(printed), "the axis holds the first impact resonance, its reason"))
                 because += f"; the first impact resonance, the reason given, reaches {peak:.4g} m/s at w = {at:.4g}"
-            return Outcome(all_of(rules), f"at most {height:.4g} m/s", because, seen_text)
+            return Outcome(all_of(rules), f"at most {height:.4g} m/s", because, window_text)
 
     def impact_rate(self, quotation: str, says: str, name: str, values: tuple[float, ...], importance: int) -> None:
         """Register that the first value of a parameter gives the most impacts per period, the last one the fewest."""
@@ -234,13 +233,13 @@ class Section:
 
         @self.claim(quotation, says, importance)
         def compare(lab: Laboratory) -> Outcome:
-            found = [rates(lab, **{name: value}) for value in values]
-            both = np.all(np.isfinite(found), axis=0)
-            wrong = both & (found[-1] > found[0] + 1e-6)
+            per_value = [rates(lab, **{name: value}) for value in values]
+            both = np.all(np.isfinite(per_value), axis=0)
+            wrong = both & (per_value[-1] > per_value[0] + 1e-6)
             share, omega = 1.0 - float(wrong.sum() / both.sum()), lab.line(**{name: values[0]})["omega"].values
             rule = f"the frequencies without sticking have no more impacts per period at {few} than at {many}"
             means = ", ".join(
-                f"{rate[both].mean():.3g} at {value:g}" for rate, value in zip(found, values, strict=True)
+                f"{rate[both].mean():.3g} at {value:g}" for rate, value in zip(per_value, values, strict=True)
             )
             return Outcome(
                 nearly_all(share, rule),
@@ -312,15 +311,15 @@ class Section:
         def compare(lab: Laboratory) -> Outcome:
             scan = lab.scan()
             regions = merge_runs(list(scan.omega), [kind(motion) for motion in scan.motions], 0.2)
-            found = "; ".join(f"{what} {low:g} to {high:g}" for what, low, high in regions)
-            because = f"{found}. The paper prints the range as w = [1, 5]; its own list begins at 0"
+            listing = "; ".join(f"{what} {low:g} to {high:g}" for what, low, high in regions)
+            because = f"{listing}. The paper prints the range as w = [1, 5]; its own list begins at 0"
             return Outcome(printed_value(len(regions), "6"), f"{len(regions)} regions", because)
 
 
-def beside(lab: Laboratory, frequencies: Sequence[float] | Floats, what: str, has: Test, most: int = 12) -> str:
-    """Say where a motion is among those that coexist, at up to so many of the frequencies, spread evenly."""
-    chosen = [float(frequencies[i]) for i in np.unique(np.linspace(0, len(frequencies) - 1, most).round().astype(int))]
-    shares = [sum(found.share for found in lab.coexisting(omega) if has(found.motion)) for omega in chosen]
+def beside(lab: Laboratory, frequencies: Sequence[float] | Floats, what: str, has: Test) -> str:
+    """Say where a motion is among those that coexist, at up to 12 of the frequencies, spread evenly."""
+    chosen = [float(frequencies[i]) for i in np.unique(np.linspace(0, len(frequencies) - 1, 12).round().astype(int))]
+    shares = [sum(attractor.share for attractor in lab.coexisting(omega) if has(attractor.motion)) for omega in chosen]
     flags = np.array(shares) > 0.0
     looked = f"of 256 other initial conditions at {len(chosen)} of these frequencies" if len(chosen) > 1 else ""
     if not flags.any():
@@ -350,8 +349,8 @@ def sticking_cells(lab: Laboratory, name: str, *, above: bool) -> tuple[float, f
     """Return the largest impact velocity of sticking cells and their share, above or below the parameter's value 1."""
     cells = lab.cells(name)
     side = cells.parameter > 1 if above else cells.parameter < 1
-    held = [m for m, here in zip(cells.motions, side, strict=True) if here and sticks(m)]
-    return max((max(m.velocities) for m in held), default=0.0), len(held) / int(side.sum())
+    sticking = [motion for motion, inside in zip(cells.motions, side, strict=True) if inside and sticks(motion)]
+    return max((max(motion.velocities) for motion in sticking), default=0.0), len(sticking) / int(side.sum())
 
 
 def merge_runs(positions: list[float], kinds: list[str], least: float) -> list[tuple[str, float, float]]:

@@ -14,14 +14,15 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import vibroimpact as vi
+from vibroimpact.cells import Floats
 from vibroimpact.coexistence import Attractor
 from vibroimpact.motion import Motion, cycle_name
 from vibroimpact.motion.recognition import cycle_length, recognise
 from vibroimpact.studies.lee.paper import INDICES, OSCILLATOR, TIME_STEP, TOP, WINDOW, Scale, frequencies, pair_of
 
-Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Test = Callable[[Motion], bool]
+LISTED = 4  # names or intervals in a sentence
 
 
 def sticks(motion: Motion) -> bool:
@@ -82,8 +83,8 @@ class Scan:
 
     def between(self, low: float | str, high: float | str) -> Scan:
         """Return the part of the scan in [low, high]."""
-        kept = (self.omega >= float(low) - 1e-9) & (self.omega <= float(high) + 1e-9)
-        return Scan(self.omega[kept], tuple(m for m, keep in zip(self.motions, kept, strict=True) if keep))
+        within = (self.omega >= float(low) - 1e-9) & (self.omega <= float(high) + 1e-9)
+        return Scan(self.omega[within], tuple(m for m, keep in zip(self.motions, within, strict=True) if keep))
 
     def share(self, has: Test) -> float:
         """Return the share of frequencies with such a motion."""
@@ -111,13 +112,11 @@ class Laboratory:
         The figures' datasets by key.
     level : float
         Height of a boundary in m/s.
-    workers : int, optional
-        Threads of a sweep.
+    workers : int or None
+        Threads of a sweep; None is one per core.
     """
 
-    def __init__(
-        self, scale: Scale, results: Mapping[str, xr.Dataset], level: float, workers: int | None = None
-    ) -> None:
+    def __init__(self, scale: Scale, results: Mapping[str, xr.Dataset], level: float, workers: int | None) -> None:
         self.scale, self.results, self.level, self.workers = scale, results, level, workers
         self.section, self.motion, self.scan = cache(self._section), cache(self._motion), cache(self._scan)
         self.window, self.line, self.edge = cache(self._window), cache(self._line), cache(self._edge)
@@ -171,16 +170,16 @@ class Laboratory:
 
         Bisection to 1e-4; each attempt starts from the last impact of the nearest one that kept the name.
         """
-        kept = self.section(omega=inside, **changes)
-        if recognise(kept).name != name:
+        settled = self.section(omega=inside, **changes)
+        if recognise(settled).name != name:
             return float("nan")
         while abs(outside - inside) > 1e-4:
             middle = 0.5 * (inside + outside)
             osc = OSCILLATOR.replace(omega=middle, **changes)
-            start = vi.State(osc.gap, float(kept["velocity"][-1]), float(kept["phase"][-1]) * osc.period)
+            start = vi.State(osc.gap, float(settled["velocity"][-1]), float(settled["phase"][-1]) * osc.period)
             attempt = self._section(start=start, omega=middle, **changes)
             if recognise(attempt).name == name:
-                inside, kept = middle, attempt
+                inside, settled = middle, attempt
             else:
                 outside = middle
         return inside
@@ -193,14 +192,14 @@ class Laboratory:
             osc, periods=int(np.ceil(WINDOW[1] / osc.period)), samples_per_period=1, backend=backend, **options
         )
         time, velocity = run["impact_time"].values, run["impact_velocity"].values
-        kept = (time >= WINDOW[0]) & (time <= WINDOW[1])
-        return Window(time[kept], velocity[kept], np.mod(time[kept] / osc.period, 1.0))
+        within = (time >= WINDOW[0]) & (time <= WINDOW[1])
+        return Window(time[within], velocity[within], np.mod(time[within] / osc.period, 1.0))
 
     def _unsettled(self, low: float, high: float) -> str:
         """Say at how many frequencies of an interval the paper's scheme shows no cycle within its window."""
         omega = np.arange(low, high + 1e-9, 0.05)
-        seen = [self.window(omega=float(w)) for w in omega]
-        without = [not cycle_length(one.velocity, one.phase, tolerance=0.01, longest=12) for one in seen]
+        windows = [self.window(omega=float(w)) for w in omega]
+        without = [not cycle_length(one.velocity, one.phase, tolerance=0.01, longest=12) for one in windows]
         return f"no cycle of up to 12 impacts repeats to 1 % in the window at {np.mean(without):.0%} of the frequencies"
 
     def _line(self, low: float = 0.0, high: float = TOP, columns: int | None = None, **changes: float) -> xr.Dataset:
@@ -242,14 +241,14 @@ def highest(line: xr.Dataset) -> tuple[float, float]:
     return float(line["omega"][at]), float(velocity[at])
 
 
-def commonest(motions: tuple[Motion, ...], flags: Flags, most: int = 4) -> str:
+def commonest(motions: tuple[Motion, ...], flags: Flags) -> str:
     """Return the names of the commonest flagged motions and how often each occurs."""
     names = [motion.name for motion, has in zip(motions, flags, strict=True) if has]
-    ranked = sorted(set(names), key=lambda name: (-names.count(name), name))[:most]
+    ranked = sorted(set(names), key=lambda name: (-names.count(name), name))[:LISTED]
     return ", ".join(f"{name} {names.count(name)}x" for name in ranked) or "none"
 
 
-def intervals(omega: Sequence[float] | Floats, flags: Flags, most: int = 4) -> str:
+def intervals(omega: Sequence[float] | Floats, flags: Flags) -> str:
     """Return as text the runs of consecutive frequencies that are flagged, the widest ones if there are many.
 
     Examples
@@ -261,7 +260,7 @@ def intervals(omega: Sequence[float] | Floats, flags: Flags, most: int = 4) -> s
     runs = [(float(omega[first]), float(omega[end - 1])) for first, end in zip(ends[::2], ends[1::2], strict=True)]
     if not runs:
         return "at no frequency"
-    widest = sorted(sorted(runs, key=lambda run: run[0] - run[1])[:most])
+    widest = sorted(sorted(runs, key=lambda run: run[0] - run[1])[:LISTED])
     shown = ", ".join(f"{a:g}" if a == b else f"{a:g} to {b:g}" for a, b in widest)
-    rest = len(runs) - most
+    rest = len(runs) - LISTED
     return f"at w = {shown}" + (f" and {rest} narrower interval{'s' if rest > 1 else ''}" if rest > 0 else "")

@@ -13,10 +13,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 import vibroimpact as vi
 from vibroimpact import plotting
+from vibroimpact.cells import Floats
 from vibroimpact.plotting.style import STYLE
 
 CITATION = (
@@ -81,7 +81,7 @@ def pair_of(name: str) -> Pair:
     return next(pair for pair in PAIRS if pair.name == name)
 
 
-def frequencies(points: int, low: float = 0.0, high: float = TOP) -> NDArray[np.float64]:
+def frequencies(points: int, low: float = 0.0, high: float = TOP) -> Floats:
     """Return `points` evenly spaced driving frequencies in (low, high], rad/s."""
     return np.linspace(low, high, points + 1)[1:]
 

@@ -70,14 +70,14 @@ def tally(tested: Sequence[Tested]) -> dict[Verdict, int]:
     return {verdict: counts[verdict] for verdict in Verdict}
 
 
-def discrepancies(tested: Sequence[Tested], most: int = 5) -> list[Tested]:
-    """Return the statements that do not hold, most important first; the same sentence is named once."""
+def discrepancies(tested: Sequence[Tested]) -> list[Tested]:
+    """Return up to five statements that do not hold, most important first; the same sentence is named once."""
     failed = [pair for pair in tested if pair[1].assessment.verdict is Verdict.FAILS]
     failed.sort(key=lambda pair: -pair[0].importance)
     once: dict[str, Tested] = {}
     for claim, outcome in failed:
         once.setdefault(outcome.because, (claim, outcome))
-    return list(once.values())[:most]
+    return list(once.values())[:5]
 
 
 def _summary(tested: Sequence[Tested], level: float) -> str:

@@ -47,18 +47,18 @@ def last_unit(printed: str) -> float:
     return float(_unit(printed))
 
 
-def cut_like(found: float, printed: str) -> bool:
-    """Return whether cutting `found` off after the printed digits, without rounding, gives what was printed.
+def cut_like(measured: float, printed: str) -> bool:
+    """Return whether cutting `measured` off after the printed digits, without rounding, gives what was printed.
 
     Examples
     --------
     >>> cut_like(0.447, "0.44"), cut_like(0.447, "0.45")
     (True, False)
     """
-    return Decimal(repr(float(found))).quantize(_unit(printed), ROUND_DOWN) == Decimal(printed)
+    return Decimal(repr(float(measured))).quantize(_unit(printed), ROUND_DOWN) == Decimal(printed)
 
 
-def printed_value(found: float, printed: str) -> Assessment:
+def printed_value(measured: float, printed: str) -> Assessment:
     """Assess a number the paper prints.
 
     Examples
@@ -69,15 +69,15 @@ def printed_value(found: float, printed: str) -> Assessment:
     'does not hold'
     """
     rule = "equal after rounding to the printed digits; one unit of the last digit away is 'last digit'"
-    if not math.isfinite(found):
+    if not math.isfinite(measured):
         return Assessment(Verdict.FAILS, rule)
-    away = abs(Decimal(repr(float(found))).quantize(_unit(printed), ROUND_HALF_UP) - Decimal(printed))
+    away = abs(Decimal(repr(float(measured))).quantize(_unit(printed), ROUND_HALF_UP) - Decimal(printed))
     return Assessment(_verdict(away == 0, away <= _unit(printed)), rule)
 
 
-def same_name(found: str, said: str) -> Assessment:
+def same_name(recognised: str, said: str) -> Assessment:
     """Assess the name of a motion."""
-    return Assessment(_verdict(found == said), "the recognised motion has the name the paper gives it")
+    return Assessment(_verdict(recognised == said), "the recognised motion has the name the paper gives it")
 
 
 def is_true(holds: bool, rule: str) -> Assessment:
@@ -142,8 +142,9 @@ def axis_limit(largest: float, printed: str) -> Assessment:
     return Assessment(_verdict(holds, close), rule)
 
 
-def proportional(ratios: Sequence[float], factor: float, tolerance: float = 1e-9) -> Assessment:
+def proportional(ratios: Sequence[float], factor: float) -> Assessment:
     """Assess strict proportionality: every ratio equals the factor to within rounding."""
+    tolerance = 1e-9
     worst = max((abs(ratio / factor - 1.0) for ratio in ratios), default=math.inf)
     return Assessment(_verdict(worst <= tolerance), f"every ratio equals the factor to a relative {tolerance:g}")
 

@@ -6,12 +6,12 @@ from functools import partial
 
 import numpy as np
 
+from vibroimpact.cells import Floats
 from vibroimpact.motion import Motion
 from vibroimpact.parameters import counted
 from vibroimpact.studies.lee.claims import Outcome, Section
 from vibroimpact.studies.lee.laboratory import (
     Flags,
-    Floats,
     Laboratory,
     aperiodic,
     intervals,
@@ -54,8 +54,8 @@ def steady_after_100_s(lab: Laboratory) -> Outcome:
     """Compare the exact orbit's impacts in the paper's window with the settled cycle, 1 % of V apart at most."""
     cycles, settled = _cycles(lab, 100), []
     for omega, motion in cycles:
-        seen = lab.window(backend="cpu", omega=omega).velocity
-        nearest = np.abs(seen[:, None] - np.array(motion.velocities)[None]).min(axis=1, initial=np.inf)
+        velocities = lab.window(backend="cpu", omega=omega).velocity
+        nearest = np.abs(velocities[:, None] - np.array(motion.velocities)[None]).min(axis=1, initial=np.inf)
         settled.append(not np.any(nearest > 0.01 * OSCILLATOR.velocity_scale))
     share, frequencies, flags = _split(cycles, settled)
     return Outcome(
@@ -165,14 +165,15 @@ def low_velocities(lab: Laboratory) -> Outcome:
 @sticking.claim("This phenomenon produces numerous low impact series", "many low impacts per period")
 def numerous_low(lab: Laboratory) -> Outcome:
     """Count the slow recorded impacts of one chatter at w = 0.1."""
-    hits, seen = lab.motion(omega=0.1).velocities, lab.window(omega=0.1).velocity
-    slow = sum(v < 0.01 * OSCILLATOR.velocity_scale for v in hits)
+    hits, in_window = lab.motion(omega=0.1).velocities, lab.window(omega=0.1).velocity
+    limit = 0.01 * OSCILLATOR.velocity_scale
+    slow = sum(v < limit for v in hits)
     return Outcome(
         is_true(slow >= 10, "ten or more recorded impacts of a period at w = 0.1 are slower than 1 % of V"),
         f"{slow} of {len(hits)} recorded impacts",
         f"{len(hits)} impacts per period are faster than the chatter cut-off, {slow} of them below 1 % of V",
-        f"{len(seen)} impacts, {np.sum(seen < 0.01 * OSCILLATOR.velocity_scale)} of them below 1 % of V: at rest it "
-        "counts one false impact per step",
+        f"{len(in_window)} impacts, {np.sum(in_window < limit)} of them below 1 % of V: at rest it counts one false "
+        "impact per step",
     )
 
 
@@ -180,11 +181,11 @@ def numerous_low(lab: Laboratory) -> Outcome:
 def becomes_stuck(lab: Laboratory) -> Outcome:
     """Compare the number of sticks with the periods sampled at w = 0.1."""
     section, motion = lab.section(omega=0.1), lab.motion(omega=0.1)
-    held = float((section["release_time"] - section["stick_time"])[-2]) / OSCILLATOR.replace(omega=0.1).period
+    resting = float((section["release_time"] - section["stick_time"])[-2]) / OSCILLATOR.replace(omega=0.1).period
     return Outcome(
         is_true(sticks(motion) and motion.n_periods == 1, "the settled motion at w = 0.1 sticks once in each period"),
         motion.name,
-        f"the mass rests at the stop for {held:.1%} of each period at w = 0.1",
+        f"the mass rests at the stop for {resting:.1%} of each period at w = 0.1",
     )
 
 

@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 
 import vibroimpact as vi
+from vibroimpact.cells import Floats
 from vibroimpact.motion import Motion
 from vibroimpact.studies.lee.claims import Outcome, Section, shares
 from vibroimpact.studies.lee.laboratory import (
-    Floats,
     Laboratory,
     aperiodic,
     commonest,
@@ -46,7 +46,7 @@ def leaves_the_stop(lab: Laboratory) -> Outcome:
     )
 
 
-def complex_within(section: Section, quotation: str, low: str, high: str, importance: int = 0) -> None:
+def complex_within(section: Section, quotation: str, low: str, high: str, importance: int) -> None:
     """Register "the motions are complex in [low, high]": neither sticking nor one impact per cycle."""
 
     def simple(motion: Motion) -> bool:
@@ -133,8 +133,8 @@ first_chaos.value(
 @first_chaos.claim("again leading to a complex motion (w = 1.0, Fig. 7)", "complex motion at w = 1.0", importance=9)
 def complex_at_one(lab: Laboratory) -> Outcome:
     """Name the settled motion at w = 1, and see how far the paper's window is from it."""
-    motion, seen = lab.motion(omega=1.0), lab.window(omega=1.0).velocity
-    spread = np.unique(np.round(seen, 2)).size
+    motion, in_window = lab.motion(omega=1.0), lab.window(omega=1.0).velocity
+    spread = np.unique(np.round(in_window, 2)).size
     because = "the settled impacts never repeat"
     if not aperiodic(motion):
         hits = " and ".join(f"{velocity:.4g}" for velocity in motion.velocities)
@@ -145,7 +145,7 @@ def complex_at_one(lab: Laboratory) -> Outcome:
         is_true(aperiodic(motion), "the settled motion never repeats"),
         motion.name,
         because,
-        f"{len(seen)} impacts at {spread} different velocities (to 0.01 m/s)",
+        f"{len(in_window)} impacts at {spread} different velocities (to 0.01 m/s)",
     )
 
 
@@ -173,8 +173,8 @@ def resonance_peak(lab: Laboratory) -> Outcome:
     """Compare the velocity at 2 with those a quarter away."""
     heights = {omega: max(lab.motion(omega=omega).velocities, default=0.0) for omega in (1.5, 2.0, 2.5)}
     both = [falls([heights[2.0], heights[side]], "the velocity away from w = 2") for side in (1.5, 2.5)]
-    found = ", ".join(f"{value:.4g} at {omega:g}" for omega, value in heights.items())
-    return Outcome(all_of(both), f"{heights[2.0]:.5g} m/s", f"impact velocities in m/s at w: {found}")
+    listing = ", ".join(f"{value:.4g} at {omega:g}" for omega, value in heights.items())
+    return Outcome(all_of(both), f"{heights[2.0]:.5g} m/s", f"impact velocities in m/s at w: {listing}")
 
 
 complex_within(
@@ -197,23 +197,23 @@ def attractors_differ(lab: Laboratory) -> Outcome:
     )
 
 
-def _range(lab: Laboratory, omega: float, low: str, high: str) -> Outcome:
-    velocity, seen = lab.section(omega=omega)["velocity"], lab.window(omega=omega).velocity
+def _range_from_zero(lab: Laboratory, omega: float, high: str) -> Outcome:
+    velocity, in_window = lab.section(omega=omega)["velocity"], lab.window(omega=omega).velocity
     least, most = float(velocity.min()), float(velocity.max())
     return Outcome(
-        all_of([printed_value(least, low), printed_value(most, high)]),
+        all_of([printed_value(least, "0.0"), printed_value(most, high)]),
         f"{least:.3g} to {most:.4g} m/s",
         f"{velocity.sizes['impact']} settled impacts lie between {least:.3g} and {most:.4g} m/s; "
-        f"the paper gives {low} to {high}",
-        f"{seen.min():.3g} to {seen.max():.4g} m/s in {len(seen)} impacts",
+        f"the paper gives 0.0 to {high}",
+        f"{in_window.min():.3g} to {in_window.max():.4g} m/s in {len(in_window)} impacts",
     )
 
 
 second_chaos.claim("impact velocities of moderate magnitude (range: 0-2.5) (w = 0.75)", "0 to 2.5 m/s", importance=4)(
-    partial(_range, omega=0.75, low="0.0", high="2.5")
+    partial(_range_from_zero, omega=0.75, high="2.5")
 )
 second_chaos.claim("impact velocities of low magnitude (range: 0-0.7) (w = 2.8)", "0 to 0.7 m/s")(
-    partial(_range, omega=2.8, low="0.0", high="0.7")
+    partial(_range_from_zero, omega=2.8, high="0.7")
 )
 
 
@@ -337,9 +337,11 @@ for _low, _high, _which, _weight in (("0.25", "1.45", "I", 5), ("2.5", "3.5", "I
 @conclusions.claim("the sticking, periodic, and chaotic motions are characterised", "all three kinds occur")
 def three_kinds(lab: Laboratory) -> Outcome:
     """Count the kinds of motion in the scan."""
-    found = {has.__name__: lab.scan().share(has) for has in (sticks, periodic, aperiodic)}
-    text = ", ".join(f"{kind} {share:.0%}" for kind, share in found.items()).replace("sticks", "sticking")
-    return Outcome(is_true(min(found.values()) > 0, "each kind is recognised at some frequency"), text, f"{text} of w")
+    share_by_kind = {has.__name__: lab.scan().share(has) for has in (sticks, periodic, aperiodic)}
+    text = ", ".join(f"{kind} {share:.0%}" for kind, share in share_by_kind.items()).replace("sticks", "sticking")
+    return Outcome(
+        is_true(min(share_by_kind.values()) > 0, "each kind is recognised at some frequency"), text, f"{text} of w"
+    )
 
 
 conclusions.claim(
@@ -349,9 +351,9 @@ conclusions.claim(
 
 
 def _over_all(lab: Laboratory, part: int, rule: str) -> Outcome:
-    found = [shares(lab, pair)[part] for pair in PAIRS]
-    text = ", ".join(f"(w, {pair.symbol}) {share:.1%}" for pair, share in zip(PAIRS, found, strict=True))
-    return Outcome(nearly_all(min(found), f"{rule.format(lab.level)} in each of the five maps"), text, text)
+    share_by_pair = [shares(lab, pair)[part] for pair in PAIRS]
+    text = ", ".join(f"(w, {pair.symbol}) {share:.1%}" for pair, share in zip(PAIRS, share_by_pair, strict=True))
+    return Outcome(nearly_all(min(share_by_pair), f"{rule.format(lab.level)} in each of the five maps"), text, text)
 
 
 for _part, (_quotation, _says, _rule) in enumerate((

@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 
+from vibroimpact.cells import Floats
 from vibroimpact.studies.lee.claims import Outcome, Section, sticking_cells
 from vibroimpact.studies.lee.laboratory import (
-    Floats,
     Laboratory,
     Scan,
     intervals,
@@ -221,20 +221,20 @@ def _two_scans(lab: Laboratory, f: float) -> tuple[Scan, Scan]:
 
 
 def _similar(lab: Laboratory, f: float) -> Outcome:
-    mine, theirs = _two_scans(lab, f)
-    same = np.array([a.name == b.name for a, b in zip(mine.motions, theirs.motions, strict=True)])
+    usual, other = _two_scans(lab, f)
+    same = np.array([a.name == b.name for a, b in zip(usual.motions, other.motions, strict=True)])
     return Outcome(
         nearly_all(float(np.mean(same)), "the frequencies carry a motion of the same name at f = 1"),
         f"{np.mean(same):.1%} of {len(same)} frequencies",
-        f"names differ {intervals(mine.omega, ~same)}, where long chaotic transients magnify rounding"
+        f"names differ {intervals(usual.omega, ~same)}, where long chaotic transients magnify rounding"
         if not same.all()
         else "every frequency carries the same motion",
     )
 
 
 def _scaled(lab: Laboratory, f: float) -> Outcome:
-    mine, theirs = _two_scans(lab, f)
-    pairs = [(a, b) for a, b in zip(mine.motions, theirs.motions, strict=True) if periodic(a) and periodic(b)]
+    usual, other = _two_scans(lab, f)
+    pairs = [(a, b) for a, b in zip(usual.motions, other.motions, strict=True) if periodic(a) and periodic(b)]
     ratios = [max(b.velocities) / max(a.velocities) for a, b in pairs if a.n_impacts == b.n_impacts]
     worst = max(abs(ratio / f - 1.0) for ratio in ratios)
     return Outcome(
@@ -304,9 +304,9 @@ restitution.trend(
 def peaks_reduced(lab: Laboratory) -> Outcome:
     """Compare the velocities at the two resonances for r = 0.8 and 0.1."""
     pairs = [[lab.peak(w, restitution=r)[1] for r in (0.8, 0.1)] for w in (2.0, 4.0)]
-    found = "; ".join(f"{high:.3g} → {low:.3g} m/s at w = {w}" for w, (high, low) in zip((2, 4), pairs, strict=True))
+    listing = "; ".join(f"{high:.3g} → {low:.3g} m/s at w = {w}" for w, (high, low) in zip((2, 4), pairs, strict=True))
     lower = is_true(all(low < high for high, low in pairs), "both peaks are lower at r = 0.1 than at r = 0.8")
-    return Outcome(lower, found, f"from r = 0.8 to r = 0.1: {found}")
+    return Outcome(lower, listing, f"from r = 0.8 to r = 0.1: {listing}")
 
 
 @restitution.claim("[r = 0.1] the first impact resonance shifts to w = 1", "1 rad/s")

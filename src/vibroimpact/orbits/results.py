@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar
 from vibroimpact.model import State
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.parameters import choice, invalid, several
+from vibroimpact.parameters import choice, counted, invalid, several
 
 IMPACTS = 1000  # in a cycle, at most: the equations grow as its square
 
@@ -37,13 +37,13 @@ class Orbits(list[Kind], Generic[Kind]):
 
 @dataclass(frozen=True)
 class Guess:
-    """What a search begins with: as it was `given`, the orbit that this is, and a state on that, or a state alone.
+    """What a search begins with: the argument `near`, the orbit that this is, and a state on that, or a state alone.
 
-    Of an orbit also the stops that it strikes, and whether it rests and is symmetric. Without a state, what is given
-    are numbers, not checked yet: a phase and a velocity of one mass, times of impacts in s for systems.
+    Of an orbit also the stops that it strikes, and whether it rests and is symmetric. Without a state, `near` holds
+    numbers, not checked yet: a phase and a velocity of one mass, times of impacts in s for systems.
     """
 
-    given: Any = None
+    near: Any = None
     orbit: Any = None
     state: State | None = None
     stops: tuple[str, ...] = ()
@@ -64,7 +64,7 @@ class Guess:
     @property
     def none(self) -> bool:
         """Whether nothing was given."""
-        return self.given is None
+        return self.near is None
 
     @property
     def only_state(self) -> bool:
@@ -77,30 +77,29 @@ NOTHING = Guess()
 
 def numbers_of(stops: Any, names: tuple[str, ...]) -> tuple[int, ...]:
     """Return the numbers of the stops that are struck in turn, from their names."""
-    given = several("stops", stops, "a stop's name or a list of them")
-    found = tuple(names.index(choice("stops", name, names)) for name in given)
-    if not 1 <= len(found) <= IMPACTS:
+    struck = several("stops", stops, "a stop's name or a list of them")
+    numbers = tuple(names.index(choice("stops", name, names)) for name in struck)
+    if not 1 <= len(numbers) <= IMPACTS:
         raise invalid("stops", stops, f"1 to {IMPACTS} stops to strike")
-    return found
+    return numbers
 
 
 def ordered(orbits: Iterable[Orbit]) -> Orbits[Any]:
     """Return orbits of one type, stable ones first, then admissible ones, then hard ones, and what they are."""
-    found = sorted(orbits, key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)))
-    good = sum(orbit.admissible for orbit in found)
-    number = f"{good} {found[0].name} orbit{'s' if good > 1 else ''}"
-    return Orbits(found, outcome="found" if good else "inadmissible", message=number if good else found[0].message)
+    ranked = sorted(orbits, key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)))
+    admissible = sum(orbit.admissible for orbit in ranked)
+    if not admissible:
+        return Orbits(ranked, outcome="inadmissible", message=ranked[0].message)
+    return Orbits(ranked, message=counted(admissible, f"{ranked[0].name} orbit"))
 
 
-def lost(found: Solved, name: str) -> Orbits[Any]:
+def lost(solved: Solved, name: str) -> Orbits[Any]:
     """Return the outcome where Newton's method did not reach an orbit."""
-    outcome, message = "not_converged", f"not converged to a {name} orbit; give a guess nearer to one as `near`"
-    if found.singular:
-        outcome, message = (
-            "singular",
-            "converged to a fold or a graze, where the equations are singular; begin beside it",
-        )
-    return Orbits(outcome=outcome, message=message)
+    if solved.singular:
+        message = "converged to a fold or a graze, where the equations are singular; begin beside it"
+        return Orbits(outcome="singular", message=message)
+    message = f"not converged to a {name} orbit; give a guess nearer to one as `near`"
+    return Orbits(outcome="not_converged", message=message)
 
 
 def other_name(reached: str, name: str) -> Orbits[Any]:
