@@ -26,9 +26,12 @@ class ByValue:
         return hash((type(self).__name__, _plain(self.arguments())))
 
     def __repr__(self) -> str:
-        given = {name: value for name, value in self.arguments().items() if value is not None}
-        words = (f"{name}={written(value)}" for name, value in given.items() if not isinstance(value, Mapping) or value)
-        return f"{type(self).__name__}({', '.join(words)})"
+        entries = (
+            f"{name}={written(value)}"
+            for name, value in self.arguments().items()
+            if value is not None and not (isinstance(value, Mapping) and not value)
+        )
+        return f"{type(self).__name__}({', '.join(entries)})"
 
     def __reduce__(self) -> Any:
         return _rebuilt, (type(self), self.arguments())

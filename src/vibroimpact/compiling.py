@@ -22,11 +22,11 @@ _spent = 0.0
 @contextmanager
 def told_first(tell: Callable[[], None]) -> Iterator[Callable[[], None]]:
     """Yield what calls `tell` if it was not called before: here once something is compiled, or at the end."""
-    left = [tell]
+    uncalled = [tell]
 
     def once() -> None:
-        while left:
-            left.pop()()
+        while uncalled:
+            uncalled.pop()()
 
     _first.append(once)
     try:

@@ -246,7 +246,7 @@ def piecewise(speeds: Any, values: Any) -> Law:
     return Law("piecewise", {"speeds": speeds, "values": values})
 
 
-def law_of(given: Any) -> Any:
+def law_of(value: Any) -> Any:
     """Return the law that a Python function, or what `Law.plain` returns, stands for; all else as it is.
 
     A function is one of the speed alone, in Python that numba compiles. Its derivative is a difference, good to 1e-9 of
@@ -266,12 +266,12 @@ def law_of(given: Any) -> Any:
     Traceback (most recent call last):
     ValueError: `restitution` must be from 0 to 1, got 2.0 at a speed of 1e-09 m/s; limit what it returns by min and max
     """
-    if isinstance(given, Mapping):
-        arguments = {name: value for name, value in given.items() if name not in ("law", "mark")}
-        return LAWS.get(given.get("mark", 0.0)) or Law("piecewise" if "mark" in given else given["law"], arguments)
-    if isinstance(given, Law) or not callable(given):
-        return given
-    return Law("function", {"function": given})
+    if isinstance(value, Mapping):
+        arguments = {name: entry for name, entry in value.items() if name not in ("law", "mark")}
+        return LAWS.get(value.get("mark", 0.0)) or Law("piecewise" if "mark" in value else value["law"], arguments)
+    if isinstance(value, Law) or not callable(value):
+        return value
+    return Law("function", {"function": value})
 
 
 def _hunt_crossley(damping: Any) -> _Formula:

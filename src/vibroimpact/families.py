@@ -61,11 +61,11 @@ class Family:
 
     def at(self, **values: float) -> Any:
         """Return the oscillator or system that the function makes of its parameters, some of them changed."""
-        given = self.values | self._checked(values)
+        arguments = self.values | self._checked(values)
         try:
-            model = self.function(**given)
+            model = self.function(**arguments)
         except Exception as error:
-            where = ", ".join(f"{name}={value:g}" for name, value in given.items())
+            where = ", ".join(f"{name}={value:g}" for name, value in arguments.items())
             clear = isinstance(error, (ValueError, ArithmeticError, ImportError))  # by their text alone
             words = error if clear else f"{type(error).__name__}: {error}"
             raise ValueError(f"{self} fails at {where}: {words}{self._place(error)}") from error

@@ -47,10 +47,10 @@ def cut(shape: tuple[int, ...], cells: int = CELLS) -> Tiling:
     (5, 820)
     """
     sides = [1] * len(shape)
-    left = float(cells)
+    remaining = float(cells)
     for waiting, axis in zip(range(len(shape), 0, -1), sorted(range(len(shape)), key=shape.__getitem__), strict=True):
-        sides[axis] = min(shape[axis], math.ceil(round(left ** (1.0 / waiting), 9)))
-        left = max(left / sides[axis], 1.0)
+        sides[axis] = min(shape[axis], math.ceil(round(remaining ** (1.0 / waiting), 9)))
+        remaining = max(remaining / sides[axis], 1.0)
     return Tiling(shape, tuple(sides))
 
 

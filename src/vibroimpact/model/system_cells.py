@@ -69,14 +69,14 @@ class SystemCells(Cells):
         What does not depend on the numbers of stops is computed once for all systems that share it; only the first of
         these is kept, and those that stops may push from q = 0.
         """
-        known: dict[Any, int] = {}
+        groups: dict[Any, int] = {}
         bases, which, numbers, pushed = [], [], [], {}
         for row, system in enumerate(systems):
             key = _fixed(system)
-            if key not in known:
-                known[key] = len(known)
+            if key not in groups:
+                groups[key] = len(groups)
                 bases.append(system)
-            which.append(known[key])
+            which.append(groups[key])
             numbers.append([_numbers(stop) for stop in system.stops])
             if any((stop.gap < 0.0 or stop.motion) and stop.element.impenetrable for stop in system.stops):
                 pushed[row] = system
@@ -103,11 +103,11 @@ class SystemCells(Cells):
                 if f"{stop.name}_{kind}" in points:
                     table[:, j, place] = points[f"{stop.name}_{kind}"]
 
-        def there(row: int) -> ImpactSystem:
-            own = {f"{name}_gap": float(gap) for name, gap in zip(system.stop_names, table[row, :, 0], strict=True)}
-            return system.replace(omega=float(values[which[row]]), **own)
+        def system_of(row: int) -> ImpactSystem:
+            gaps = {f"{name}_gap": float(gap) for name, gap in zip(system.stop_names, table[row, :, 0], strict=True)}
+            return system.replace(omega=float(values[which[row]]), **gaps)
 
-        return cls._of_forms([(system.modal(), values)], which, table, there)
+        return cls._of_forms([(system.modal(), values)], which, table, system_of)
 
     @classmethod
     def _of_forms(
@@ -115,11 +115,11 @@ class SystemCells(Cells):
         forms: Sequence[tuple[ModalForm, Floats]],
         which: Any,
         numbers: Floats,
-        there: Callable[[int], ImpactSystem],
+        system_of: Callable[[int], ImpactSystem],
     ) -> SystemCells:
         """Return a cell, at rest, for each row of the numbers of stops, on the form and frequency of that number.
 
-        `there` is the system of a row; it is asked for where stops are in the way of q = 0.
+        `system_of` is the system of a row; it is asked for where stops are in the way of q = 0.
         """
         highest = max(int(form.orders.max(initial=0)) for form, _ in forms)
         coupled, moving = any(not form.decoupled for form, _ in forms), any(form.motions.any() for form, _ in forms)
@@ -145,8 +145,8 @@ class SystemCells(Cells):
         beyond = cells._clearances(np.zeros(3), np.zeros_like(cells.block("eta"))) < 0.0
         closed = (beyond & barring).any(axis=1)
         for row in np.flatnonzero(closed).tolist():
-            own = there(row)
-            cells.table[row, at["eta"]] = own.modal().inverse @ own.initial()[0]
+            design = system_of(row)
+            cells.table[row, at["eta"]] = design.modal().inverse @ design.initial()[0]
         return cells
 
     @property
@@ -156,8 +156,8 @@ class SystemCells(Cells):
 
     def block(self, name: str) -> Floats:
         """Return the columns of that name."""
-        found: Floats = self.table[:, self.places[name]]
-        return found
+        columns: Floats = self.table[:, self.places[name]]
+        return columns
 
     def __getitem__(self, part: Any) -> Any:
         if isinstance(part, str):
@@ -313,15 +313,15 @@ class SystemCells(Cells):
         alpha = self.block("alpha").reshape(len(self), self.shape.stops, self.shape.modes)
         waves, motion = self._waves(turn)
         moved = (motion[..., 0] * waves.imag + motion[..., 1] * waves.real).sum(axis=-1)
-        found: Floats = self.block("gap") + moved - (alpha @ eta[..., None])[..., 0]
-        return found
+        clearances: Floats = self.block("gap") + moved - (alpha @ eta[..., None])[..., 0]
+        return clearances
 
     def _moving(self, turn: Floats) -> Floats:
         """Return the velocities of all stops, away from what strikes them, at (sin wt, cos wt)."""
         waves, motion = self._waves(turn)
         rates = self["omega"][:, None] * np.arange(1, self.shape.harmonics + 1)
-        found: Floats = (rates[:, None] * (motion[..., 0] * waves.real - motion[..., 1] * waves.imag)).sum(axis=-1)
-        return found
+        velocities: Floats = (rates[:, None] * (motion[..., 0] * waves.real - motion[..., 1] * waves.imag)).sum(axis=-1)
+        return velocities
 
     def _waves(self, turn: Floats) -> tuple[Any, Floats]:
         """Return exp(i h w t) of all orders, and what each stop's motion is of them."""
