@@ -228,23 +228,22 @@ class SystemCells(Cells):
 
     def _at_stops(self, stops: Any) -> tuple[Floats, Floats, Floats]:
         """Return alpha, alpha over the modal masses and their product, of one stop of each cell."""
-        shape, rows = (-1, self.shape.stops, self.shape.modes), np.arange(len(self))
-        alpha, jump = (self.block(name).reshape(shape)[rows, stops] for name in ("alpha", "jump"))
+        alpha, jump = (self._by_stop(name)[np.arange(len(self)), stops] for name in ("alpha", "jump"))
         return alpha, jump, (alpha * jump).sum(axis=1)
+
+    def _by_stop(self, name: str) -> Floats:
+        """Return a block of a number for each stop and mode, of every cell."""
+        return self.block(name).reshape(len(self), self.shape.stops, self.shape.modes)
 
     def _before_stops(self) -> SystemCells:
         """Return the cells, those beyond a rigid stop moved to the nearest displacement before all of these."""
-        table = self.table.copy()
+        table, alpha, rigid = self.table.copy(), self._by_stop("alpha"), self.bars
+        clearances = self._clearances(self.block("turn"), self.block("eta"))
         for row in np.flatnonzero(self.beyond().any(axis=1)).tolist():
-            back = self._back(row, self._clearances(self.block("turn"), self.block("eta"))[row])
+            masses, barring = np.diag(self.block("weight")[row]), rigid[row]
+            back = nearest(masses, alpha[row][barring], clearances[row][barring])
             table[row, self.places["eta"]] += 0.0 if back is None else back
         return SystemCells(table, self.columns, self.shape)
-
-    def _back(self, row: int, clearances: Floats) -> Floats | None:
-        """Return the shortest way in front of all rigid stops of a cell."""
-        barring = self.bars[row]
-        alpha = self.block("alpha")[row].reshape(self.shape.stops, self.shape.modes)
-        return nearest(np.diag(self.block("weight")[row]), alpha[barring], clearances[barring])
 
     def begun(self, start: State | None) -> SystemCells:
         """Return the cells from an initial condition; None leaves them as they are.
@@ -263,15 +262,15 @@ class SystemCells(Cells):
         turns = hertz(start.time * self["omega"])
         if not np.abs(turns).max(initial=0.0) < COUNTABLE:
             raise ValueError(f"`start` must have a time of less than 2^53 driving periods, got {start.time!r}")
-        begun = self.at(q, speed, turns)
-        over = begun.beyond()
+        cells = self.at(q, speed, turns)
+        over = cells.beyond()
         if over.any():
             cell, stop = np.argwhere(over)[0].tolist()
             raise ValueError(
                 f"`start` lies beyond stop {stop + 1} by {over[cell, stop]:.3g} m at time {start.time:g}; "
                 "start before the stops"
             )
-        return begun
+        return cells
 
     def at(self, displacement: Any, velocity: Any, turns: Any) -> SystemCells:
         """Return the cells from coordinates and velocities, a row each or one for all, at times in driving periods."""
@@ -298,8 +297,7 @@ class SystemCells(Cells):
     def beyond(self) -> Floats:
         """Return the depth in m of each start beyond each rigid stop; 0 before it, and where that is rounding."""
         eta = self.block("eta")
-        alpha = self.block("alpha").reshape(len(self), self.shape.stops, self.shape.modes)
-        size = np.abs(self.block("gap")) + (np.abs(alpha) @ np.abs(eta)[..., None])[..., 0]
+        size = np.abs(self.block("gap")) + (np.abs(self._by_stop("alpha")) @ np.abs(eta)[..., None])[..., 0]
         depth = -self._clearances(self.block("turn"), eta)
         return np.where((depth > BEYOND * size) & self.bars, depth, 0.0)
 
@@ -310,10 +308,9 @@ class SystemCells(Cells):
 
     def _clearances(self, turn: Floats, eta: Floats) -> Floats:
         """Return the clearances of all stops at (sin wt, cos wt)."""
-        alpha = self.block("alpha").reshape(len(self), self.shape.stops, self.shape.modes)
         waves, motion = self._waves(turn)
         moved = (motion[..., 0] * waves.imag + motion[..., 1] * waves.real).sum(axis=-1)
-        clearances: Floats = self.block("gap") + moved - (alpha @ eta[..., None])[..., 0]
+        clearances: Floats = self.block("gap") + moved - (self._by_stop("alpha") @ eta[..., None])[..., 0]
         return clearances
 
     def _moving(self, turn: Floats) -> Floats:
