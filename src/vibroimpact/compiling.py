@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
 
-TOLD = 1.0  # s: what takes less is not told
+SILENT = 1.0  # s: what takes less is not announced
 
 watching: list[Callable[[], None]] = []  # called when something begins to be compiled, and when it is
 
@@ -39,7 +39,7 @@ def told_first(tell: Callable[[], None]) -> Iterator[Callable[[], None]]:
 def begin(what: str, seconds: float, kept: str) -> None:
     """Say what is compiled from now on, about how long that takes, and whether it is kept."""
     _begun.append((what, perf_counter()))
-    if seconds < TOLD or len(_begun) > 1:
+    if seconds < SILENT or len(_begun) > 1:
         return
     for tell in list(_first):
         tell()

@@ -102,8 +102,8 @@ class Law(ByValue):
             raise invalid("v", v, "speeds >= 0")
         table = self.formula.table
         rule = self.formula.rule(lambda function: function, lambda number, at: float(table[at]))
-        found: Floats = np.array([float(rule(speed, self.number, order)) for speed in speeds.ravel().tolist()])
-        return found.reshape(speeds.shape) if speeds.ndim else float(found[0])
+        values: Floats = np.array([float(rule(speed, self.number, order)) for speed in speeds.ravel().tolist()])
+        return values.reshape(speeds.shape) if speeds.ndim else float(values[0])
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the constructor by name."""
@@ -282,13 +282,13 @@ def _hunt_crossley(damping: Any) -> _Formula:
 
 def _power_series(terms: int) -> tuple[float, ...]:
     """Return the coefficients of r in powers of x = D v, by y y' (1 + x) = x (1 - y), y = x r."""
-    found, before = [1.0], 1.0
+    coefficients, last = [1.0], 1.0
     for order in range(1, terms):
-        product = -found[-1] - before  # of r and (x r)'
-        inner = sum(found[j] * found[order - j] for j in range(1, order))
-        found.append(product / (order + 2.0) - 0.5 * inner)
-        before = product
-    return tuple(found)
+        product = -coefficients[-1] - last  # of r and (x r)'
+        inner = sum(coefficients[j] * coefficients[order - j] for j in range(1, order))
+        coefficients.append(product / (order + 2.0) - 0.5 * inner)
+        last = product
+    return tuple(coefficients)
 
 
 _POWERS = _power_series(14)
@@ -396,5 +396,5 @@ def _mark(value: Any) -> float:
 
 
 def _kept(value: Any) -> Any:
-    found = np.asarray(value, np.float64).tolist()
-    return tuple(found) if isinstance(found, list) else found
+    plain = np.asarray(value, np.float64).tolist()
+    return tuple(plain) if isinstance(plain, list) else plain

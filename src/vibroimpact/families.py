@@ -7,6 +7,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from itertools import chain
 from pathlib import Path
@@ -104,8 +105,6 @@ def _of_one_kind(designs: Iterable[Any], kind: str) -> Iterator[Any]:
 
 
 def _named(module: str, name: str, values: dict[str, float]) -> Family:
-    from importlib import import_module
-
     family: Family = getattr(import_module(module), name)
     return family.replace(**values)
 

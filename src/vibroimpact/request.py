@@ -91,8 +91,8 @@ class Request:
 
     def sizes_of(self, name: str) -> dict[str, int]:
         """Numbers along each dimension of a result."""
-        apart = self.measurement.by_stop and name in EVERY and EVERY[name].by_stop
-        return self.sizes | ({"stop": len(self.stops)} if apart else {})
+        by_stop = self.measurement.by_stop and name in EVERY and EVERY[name].by_stop
+        return self.sizes | ({"stop": len(self.stops)} if by_stop else {})
 
     @property
     def cell_size(self) -> int:

@@ -243,9 +243,9 @@ def _by_rounding(coupling: Floats, damping: Floats, shapes: Floats, masses: Floa
     products = size.T @ np.abs(damping) @ size / masses[:, None]
     grouped = size.T @ size > 0.0
     largest = np.where(grouped, squares, 0.0).max(axis=1)[:, None]
-    apart = np.abs(squares[:, None] - squares)
-    resolved = grouped & (apart > n * ROUNDING * largest)
-    turned = np.divide(n * ROUNDING * largest, apart, where=resolved, out=np.zeros((n, n)))
+    distances = np.abs(squares[:, None] - squares)
+    resolved = grouped & (distances > n * ROUNDING * largest)
+    turned = np.divide(n * ROUNDING * largest, distances, where=resolved, out=np.zeros((n, n)))
     rates = np.diag(coupling)
     balance = np.sqrt(masses / masses[:, None])  # of rows over their own masses
     by_turning = np.minimum(turned, TURNED) * np.abs(rates[:, None] - rates) * balance
@@ -354,9 +354,9 @@ def steady_motions(
     """
     n, highest = forces.shape
     sprung = form.squares > 0.0
-    apart = (form.damping != 0.0) & ~np.eye(n, dtype=bool)
+    coupled = (form.damping != 0.0) & ~np.eye(n, dtype=bool)
     loaded = (np.diag(form.damping) > 0.0) & (form.constant != 0.0)
-    slides = ~sprung & (apart.any(axis=0) | apart.any(axis=1) | loaded)
+    slides = ~sprung & (coupled.any(axis=0) | coupled.any(axis=1) | loaded)
     brakes = form.damping[np.ix_(slides, slides)]
     amplitudes = np.zeros((len(omegas), n, highest), complex)
     slide, sliding = np.zeros(n), np.zeros_like(form.directions)
