@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,45 +15,45 @@ if TYPE_CHECKING:
 
     from vibroimpact.model.system import ImpactSystem
 
-Seconds = Callable[[Any, Any], Any]  # of whole driving periods and phases
+
+def in_seconds(model: Any, periods: Any, phase: Any) -> Any:
+    """Return times in s from whole driving periods and phases."""
+    return (periods + phase) * model.period
 
 
-def in_seconds(osc: Any) -> Seconds:
-    """Return the function that makes seconds of a model's driving periods and phases."""
-    period = osc.period
-    return lambda periods, phase: (periods + phase) * period
-
-
-def trajectory_of(samples: Any, seconds: Seconds, model: Any) -> dict[str, xr.Variable]:
+def trajectory_of(samples: Any, model: Any) -> dict[str, xr.Variable]:
     """Return the variables of `simulate` but its status: coordinates and clearances over time, impacts and rests."""
     dims = ("time", "coordinate")[: samples.look_displacement.ndim]
     motion = {
-        "time": variable("time", "time", seconds(samples.look_periods, samples.look_phase)),
+        "time": variable("time", "time", in_seconds(model, samples.look_periods, samples.look_phase)),
         "displacement": variable("displacement", dims, samples.look_displacement),
         "velocity": variable("velocity", dims, samples.look_velocity),
     }
     impacts = {
-        "impact_time": variable("impact_time", "impact", seconds(samples.impact_periods, samples.impact_phase)),
+        "impact_time": variable(
+            "impact_time", "impact", in_seconds(model, samples.impact_periods, samples.impact_phase)
+        ),
         "impact_velocity": variable("impact_velocity", "impact", samples.impact_velocity),
     }
     if _is_plain(samples):
-        return motion | impacts | _rests(model, samples, seconds)
+        return motion | impacts | _rests(model, samples)
+    clearances = _clearances(model, samples)
     stops = {
-        "clearance": variable("clearance", ("time", "stop"), _clearances(model, samples)),
-        **_forces(model, samples),
+        "clearance": variable("clearance", ("time", "stop"), clearances),
+        **_forces(model, samples, clearances),
         "stop": plain_variable("stop", np.array(model.stop_names, str), {"long_name": "stop"}),
     }
     contacts = {
         "impact_stop": _stops(model, "impact", samples.impact_stop, "stop that is struck"),
         **_contacts(model, samples),
     }
-    return motion | stops | impacts | contacts | _rests(model, samples, seconds)
+    return motion | stops | impacts | contacts | _rests(model, samples)
 
 
-def labelled_impacts(samples: Any, seconds: Seconds, attrs: dict[str, str], model: Any) -> xr.Dataset:
+def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str]) -> xr.Dataset:
     """Return the impacts that a window saw, as `impact_section` does: when, at which phase, which stop and how hard."""
     columns = {
-        "time": variable("time", "impact", seconds(samples.impact_periods, samples.impact_phase)),
+        "time": variable("time", "impact", in_seconds(model, samples.impact_periods, samples.impact_phase)),
         "phase": variable("phase", "impact", samples.impact_phase),
         "velocity": impact_speed("impact", samples.impact_velocity),
     }
@@ -66,7 +65,7 @@ def labelled_impacts(samples: Any, seconds: Seconds, attrs: dict[str, str], mode
             "simultaneous": plain_variable("impact", samples.impact_simultaneous, several),
         }
     status = {"status": status_variable((), samples.status)}
-    return dataset_of(columns | _rests(model, samples, seconds) | status, attrs=attrs)
+    return dataset_of(columns | _rests(model, samples) | status, attrs=attrs)
 
 
 def _is_plain(samples: Any) -> bool:
@@ -80,10 +79,10 @@ def _contacts(system: ImpactSystem, samples: Any) -> dict[str, Any]:
     return {name: variable(name, "impact", getattr(samples, REPORTS[name].field)) for name in names}
 
 
-def _rests(model: Any, samples: Any, seconds: Seconds) -> dict[str, Any]:
+def _rests(model: Any, samples: Any) -> dict[str, Any]:
     times = {
-        "stick_time": variable("stick_time", "stick", seconds(*samples.rest_begin.T)),
-        "release_time": variable("release_time", "stick", seconds(*samples.rest_end.T)),
+        "stick_time": variable("stick_time", "stick", in_seconds(model, *samples.rest_begin.T)),
+        "release_time": variable("release_time", "stick", in_seconds(model, *samples.rest_end.T)),
     }
     if _is_plain(samples):
         return times
@@ -95,11 +94,11 @@ def _stops(system: ImpactSystem, dim: str, numbers: Any, long_name: str) -> Any:
     return plain_variable(dim, names[numbers], {"long_name": long_name})
 
 
-def _forces(system: ImpactSystem, samples: Any) -> dict[str, Any]:
+def _forces(system: ImpactSystem, samples: Any, clearances: Any) -> dict[str, Any]:
     """Return the forces of all stops at the looks, NaN of those whose impacts take no time."""
     if all(stop.element.instantaneous for stop in system.stops):
         return {}
-    forces, angle, clearances = [], 2.0 * np.pi * samples.look_phase, _clearances(system, samples)
+    forces, angle = [], 2.0 * np.pi * samples.look_phase
     for stop, clearance in zip(system.stops, clearances.T, strict=True):
         rate = samples.look_velocity @ stop.direction - stop.speed(angle, system.omega)
         forces.append(stop.element.force(-clearance, rate))

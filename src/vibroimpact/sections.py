@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from vibroimpact.backends import Backend, ImpactWindow, Measurement, StroboscopicWindow, check_takes, get_backend
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, provenance, status_variable, variable
-from vibroimpact.labels import Seconds, in_seconds, labelled_impacts, trajectory_of
+from vibroimpact.labels import in_seconds, labelled_impacts, trajectory_of
 from vibroimpact.model import Model, State, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import STEPS, check_fits, counted, invalid, phase_number, positive_number, whole_number
@@ -46,14 +46,14 @@ class _Orbit:
         check_model(self.model)
         return self.model.at()
 
-    def samples(self, window: ImpactWindow | StroboscopicWindow) -> tuple[Any, Seconds]:
-        """Return the samples that a window takes, and the function that makes seconds of periods and phases."""
-        seconds = in_seconds(self.design)
+    def samples(self, window: ImpactWindow | StroboscopicWindow) -> Any:
+        """Return the samples that a window takes."""
+        design = self.design
         cells = self.model.cells({}, one_start(self.start))
-        check_takes(self.engine, self.design)
+        check_takes(self.engine, design)
         self._check_cost(window)
         (samples,) = self.engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
-        return samples, seconds
+        return samples
 
     def _check_cost(self, window: ImpactWindow | StroboscopicWindow) -> None:
         """Refuse samples that memory cannot hold, and fixed steps without end."""
@@ -144,8 +144,8 @@ def simulate(
     density = whole_number("samples_per_period", samples_per_period, 1)
     skipped = whole_number("skip_periods", skip_periods, 0)
     window = StroboscopicWindow(skipped, int(np.floor(length * density + 1e-9)) + 1, None, density)
-    samples, seconds = orbit.samples(window)
-    variables = trajectory_of(samples, seconds, orbit.design) | {"status": status_variable((), samples.status)}
+    samples = orbit.samples(window)
+    variables = trajectory_of(samples, orbit.design) | {"status": status_variable((), samples.status)}
     coords = {"time": variables.pop("time")}
     arguments = {"periods": length, "skip_periods": skipped, "samples_per_period": density}
     motion = dataset_of(variables, coords, orbit.provenance("simulate", **arguments))
@@ -190,7 +190,7 @@ def measure_orbit(
     measure, record = Measurement(impacts, tolerances, indices=indices), Measurement(window, patience)
     measured, samples = engine.follow(cell, measure, record)
     numbers = {name: float(measured[name][0]) for name in (*indices, "status")}
-    recorded = {name: values.values for name, values in trajectory_of(samples, in_seconds(design), design).items()}
+    recorded = {name: values.values for name, values in trajectory_of(samples, design).items()}
     return numbers, recorded | {"impact_phase": samples.impact_phase}, -first % samples_per_period
 
 
@@ -243,9 +243,9 @@ def impact_section(
     orbit = _Orbit(osc, start, backend, time_step, tolerances)
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
-    samples, seconds = orbit.samples(window)
+    samples = orbit.samples(window)
     how = orbit.provenance("impact_section", transient_impacts=window.transient, sample_impacts=window.keep)
-    return labelled_impacts(samples, seconds, how, orbit.design)
+    return labelled_impacts(samples, orbit.design, how)
 
 
 def stroboscopic_section(
@@ -299,11 +299,11 @@ def stroboscopic_section(
     orbit = _Orbit(osc, start, backend, time_step, tolerances)
     sampling = Sampling(transient_periods=transient_periods, sample_periods=sample_periods)
     window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, phase_number("phase", phase))
-    samples, seconds = orbit.samples(window)
+    samples = orbit.samples(window)
     dims = ("period", "coordinate") if samples.look_displacement.ndim > 1 else "period"
     return dataset_of(
         {
-            "time": variable("time", "period", seconds(samples.look_periods, samples.look_phase)),
+            "time": variable("time", "period", in_seconds(orbit.design, samples.look_periods, samples.look_phase)),
             "displacement": variable("displacement", dims, samples.look_displacement),
             "velocity": variable("velocity", dims, samples.look_velocity),
             "status": status_variable((), samples.status),
