@@ -71,7 +71,7 @@ def _bar() -> Progress:
 
 
 SECONDS = 5.0  # between plain lines about work of unknown length
-PULSE = 0.5  # s of silence on a terminal, after which it is told what one waits for
+PULSE = 0.5  # s of silence on a terminal, after which it shows what one waits for
 SWITCH = 1e-4  # s, after which cells computed in Python give way to the thread that ends a stopped sweep
 
 
@@ -93,7 +93,7 @@ class Meter:
         opening: Callable[[], None] | None = None,
     ) -> None:
         self.label, self.keeps, self.patience, self.settle = label, keeps, patience, settle
-        self._told = compiling.told_first(opening or (lambda: None))
+        self._opening = compiling.before_compiling(opening or (lambda: None))
         self.stopped = False  # a sweep reads it between two reports, too
         self._bar: Progress | None = None
         self._shown = 0.0
@@ -102,7 +102,7 @@ class Meter:
 
     def __enter__(self) -> Self:
         self._began, self._computed = perf_counter(), compiling.clock()
-        self._open = self._told.__enter__()
+        self._open = self._opening.__enter__()
         if threading.current_thread() is threading.main_thread():
             threading.Thread(target=self._end_at_once, daemon=True).start()
             self._before = signal.signal(signal.SIGINT, self._stop)
@@ -118,7 +118,7 @@ class Meter:
         if self._before is not None:
             signal.signal(signal.SIGINT, self._before)
             self._end.put(False)
-        self._told.__exit__(kind, error, at)  # if nothing was left to report
+        self._opening.__exit__(kind, error, at)  # if nothing was left to report
         self.seconds = perf_counter() - self._began
 
     def __call__(self, done: int, total: int | None, partial: Any) -> bool:

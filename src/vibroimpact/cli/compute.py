@@ -14,7 +14,7 @@ from vibroimpact.cli import schema as o
 from vibroimpact.cli.endings import Interrupted, WrongRequest, refusing
 from vibroimpact.cli.options import Option, Options, with_options
 from vibroimpact.cli.study import Study, name_of, span_values, study_of
-from vibroimpact.compiling import told_first
+from vibroimpact.compiling import before_compiling
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def _motion(function: str, study: Study, options: Options) -> None:
         if options[shown] is not None and not output.is_figure(options):
             raise WrongRequest(f"`--{shown}` needs a figure; add for example --out figure.png")
     began = perf_counter()
-    with refusing(), told_first(study.tell):
+    with refusing(), before_compiling(study.tell):
         dataset = _call(function, study)
     output.hand_on(dataset, options, perf_counter() - began)
 

@@ -264,7 +264,7 @@ def run_into_store(
     except (StoreBusy, PermissionError):
         if not store.is_whole():
             raise
-        _Tally(store, store.records()).tell(report)  # nothing is left to write
+        _Tally(store, store.records()).report_to(report)  # nothing is left to write
     return store.dataset()
 
 
@@ -277,7 +277,7 @@ def _fill(
 ) -> None:
     tally, stop = _Tally(store, writer.records), Stop(report)
     waiting = np.flatnonzero(writer.records[:, DONE] == 0).tolist()
-    if not tally.tell(report) or not waiting:
+    if not tally.report_to(report) or not waiting:
         return
     gathered, began = Gathered(), perf_counter()
     tiles = [store.tiling[number] for number in waiting]
@@ -291,7 +291,7 @@ def _fill(
             record = writer.write(number, results, perf_counter() - began)
             began = perf_counter()
             tally.add(record)
-            if not tally.tell(report):
+            if not tally.report_to(report):
                 stop.set()
 
 
@@ -310,6 +310,6 @@ class _Tally:
         self.dataset.attrs["impacts_computed"] += int(record[IMPACTS])
         self.dataset.attrs["steps_computed"] += int(record[STEPS])
 
-    def tell(self, report: Report) -> bool:
+    def report_to(self, report: Report) -> bool:
         """Report; return whether to go on."""
         return report(self.cells, self.total, self.dataset) is not False

@@ -137,16 +137,16 @@ class SystemCells(Cells):
         parts = zip(*(_rows(form, omegas, shape) for form, omegas in forms), strict=True)
         rows, still, swung, driven, rate, offset = (np.concatenate(part)[which] for part in parts)
         cells = cls(rows, _columns(shape), shape)
-        at, left = cells.places, gaps - still - swung
+        places, margins = cells.places, gaps - still - swung
         for name, values in blocks.items():
-            cells.table[:, at[BLOCKS[name].name]] = values
-        cells.table[:, at["margin"]] = np.where(np.isnan(left), -np.inf, left)
-        cells.table[:, at["scale"]] = velocity_scales(driven, rate, offset, cells["omega"], gaps)[:, None]
+            cells.table[:, places[BLOCKS[name].name]] = values
+        cells.table[:, places["margin"]] = np.where(np.isnan(margins), -np.inf, margins)
+        cells.table[:, places["scale"]] = velocity_scales(driven, rate, offset, cells["omega"], gaps)[:, None]
         beyond = cells._clearances(np.zeros(3), np.zeros_like(cells.block("eta"))) < 0.0
         closed = (beyond & barring).any(axis=1)
         for row in np.flatnonzero(closed).tolist():
             design = system_of(row)
-            cells.table[row, at["eta"]] = design.modal().inverse @ design.initial()[0]
+            cells.table[row, places["eta"]] = design.modal().inverse @ design.initial()[0]
         return cells
 
     @property
