@@ -311,7 +311,7 @@ def test_one_second_process_at_most_waits_and_none_begins_when_nothing_is_compil
     compiling.begin("what is not told", 0.1, "")
     compiling.end()
     assert not begun
-    monkeypatch.setattr(compiling, "TOLD", 1.0)
+    monkeypatch.setattr(compiling, "SILENT", 1.0)
     for _ in range(3):
         compiling.begin("what is told", 2.0, "")
         compiling.end()

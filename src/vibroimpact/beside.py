@@ -33,7 +33,7 @@ def compile_beside(model: Callable[[], Model]) -> None:
 
 
 def _start() -> None:
-    if not compiling.under_way():  # told of an end
+    if not compiling.under_way():  # called at an end
         return
     compiling.watching.remove(_start)
     with suppress(Exception):  # a law of restitution that cannot be handed on, say: this process compiles alone

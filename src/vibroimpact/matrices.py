@@ -14,7 +14,7 @@ from vibroimpact.cells import Floats
 from vibroimpact.parameters import SMALLEST, invalid, radians
 
 KEPT = 256  # sets of matrices whose checks and modes are remembered
-COORDINATES = 128  # at most: a bar of finite elements, its waves told apart
+COORDINATES = 128  # at most: a bar of finite elements, its waves resolved
 ROUNDING = 16.0 * np.finfo(np.float64).eps  # per coordinate: what eigenvalues and products of matrices are off by
 
 

@@ -86,7 +86,7 @@ class Request:
 
     @cached_property
     def stops(self) -> tuple[str, ...]:
-        """Names of the stops by which indices are told apart; none if they speak of all together."""
+        """Names of the stops by which indices are given; none if they are those of all stops together."""
         return tuple(self.model.at().stop_names) if self.measurement.by_stop else ()
 
     def sizes_of(self, name: str) -> dict[str, int]:

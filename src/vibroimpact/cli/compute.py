@@ -202,7 +202,7 @@ def _sweep(function: str, meter: Meter, study: Study, options: Options, **more: 
 
 def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed: bool) -> None:
     """Compute a map tile by tile into its store, or the rest of it."""
-    from vibroimpact.execution.layout import StoreBusy, settle
+    from vibroimpact.execution.layout import StoreBusy, finish_writing
     from vibroimpact.execution.threads import GRACE
 
     out, place = options["out"], files.place_for(options)
@@ -214,7 +214,7 @@ def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed
             files.announce(place)
 
     with (
-        Meter("map", patience=GRACE, settle=settle, opening=opening) as meter,
+        Meter("map", patience=GRACE, finish=finish_writing, opening=opening) as meter,
         files.replacing_store(place, out),
         refusing(StoreBusy),
     ):

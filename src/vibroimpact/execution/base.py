@@ -65,18 +65,18 @@ class Gathered:
     """Pieces of parts, until a part is whole."""
 
     def __init__(self) -> None:
-        self._begun: dict[int, tuple[Outcome, NDArray[np.bool_]]] = {}
+        self._incomplete: dict[int, tuple[Outcome, NDArray[np.bool_]]] = {}
 
     def add(self, part: int, size: int, which: Places, outcome: Outcome) -> Outcome | None:
         """Add a piece of a part of `size` cells; return the part's results if it is whole now."""
-        if part not in self._begun:
+        if part not in self._incomplete:
             results = {name: np.empty((size, *values.shape[1:]), values.dtype) for name, values in outcome.items()}
-            self._begun[part] = results, np.zeros(size, bool)
-        results, ended = self._begun[part]
+            self._incomplete[part] = results, np.zeros(size, bool)
+        results, ended = self._incomplete[part]
         for name, values in outcome.items():
             results[name][which] = values
         ended[which] = True
-        return self._begun.pop(part)[0] if ended.all() else None
+        return self._incomplete.pop(part)[0] if ended.all() else None
 
 
 class Place(Protocol):

@@ -50,7 +50,7 @@ SPARE = 4096  # batches of a refined map, at most: each leaves a tile of the lis
 DONE, MICROSECONDS, IMPACTS, STEPS, FIRST_STATUS = range(5)
 COLUMNS = FIRST_STATUS + len(Status)
 ROWS = 64  # records in a chunk
-SETTLING = 5.0  # seconds for which a process about to end waits for the tile that it is writing
+FINISHING = 5.0  # seconds for which a process about to end waits for the tile that it is writing
 NEEDED = "cells_needed"  # an attribute of the records of a refined map: how many cells it is known to need
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -192,9 +192,9 @@ def _label(name: str, dims: tuple[str, ...]) -> xr.Variable:
 # ---- writing tiles
 
 
-def settle() -> None:
+def finish_writing() -> None:
     """Wait until the tile that this process is writing is whole, and write no more: the process is about to end."""
-    _writing.acquire(timeout=SETTLING)
+    _writing.acquire(timeout=FINISHING)
 
 
 class TileWriter:

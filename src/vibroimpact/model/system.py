@@ -371,13 +371,13 @@ class ImpactSystem(ByValue):
         beyond = -self.clearances(q, start.time)
         reach = np.array([stop.reach for stop in self.stops])
         size = np.abs(self._directions) @ np.abs(q) + reach * (1.0 + abs(start.time) * self.omega)
-        over = [
+        violations = [
             f"{name!r} by {depth:.3g} m"
             for name, depth, most, bars in zip(self.stop_names, beyond, n * ROUNDING * size, self._bars, strict=True)
             if bars and depth > most
         ]
-        if over:
-            where = " and ".join(over)
+        if violations:
+            where = " and ".join(violations)
             raise ValueError(f"`{argument}` lies beyond {where} at time {start.time:g}; start before the stops")
         return q, speed, start.time
 
