@@ -138,25 +138,26 @@ def provenance(function: str, model: Model, arguments: Mapping[str, Any]) -> dic
     """
     design = model.at()
     family = {} if model is design else {"model": json.dumps({"family": str(model), **model.values})}
-    initial = {"initial_condition": _in_words(arguments["start"], design.at_rest)} if "start" in arguments else {}
-    return {
+    attrs = {
         "source": f"vibroimpact {package_version()}",
         "function": function,
         **family,
         design.kind: json.dumps(design.plain()),
         "arguments": json.dumps(dict(arguments), default=str),
-        **initial,
     }
+    if "start" in arguments:
+        attrs["initial_condition"] = _initial_condition(arguments["start"], design.at_rest)
+    return attrs
 
 
-def _in_words(start: Any, rest: str) -> str:
+def _initial_condition(start: Any, rest: str) -> str:
     """Return in words from which initial conditions a result was computed; None is at `rest`."""
     if isinstance(start, int):
         scale = "max(f, k|g|)/sqrt(k m)" if rest == ImpactOscillator.at_rest else "V, on all stops in turn"
         others = f"{start - 1} impacts at phases 0 to 1 and velocities 0 to {FASTEST:g} {scale}"
         return f"{start} initial conditions: {rest}; {others}"
     if isinstance(start, tuple):
-        return f"{len(start)} initial conditions: {'; '.join(_in_words(each, rest) for each in start)}"
+        return f"{len(start)} initial conditions: {'; '.join(_initial_condition(each, rest) for each in start)}"
     if start is None:
         return rest
     if isinstance(start.displacement, tuple):

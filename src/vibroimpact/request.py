@@ -54,7 +54,7 @@ class Request:
     further: Mapping[str, Any] = field(default_factory=dict)  # what else decides the result: how a map is refined
 
     @property
-    def several(self) -> int:
+    def n_starts(self) -> int:
         """Number of initial conditions along the dim `start`; 0 where there is no such dim."""
         return len(self.start) if isinstance(self.start, tuple) else self.start if isinstance(self.start, int) else 0
 
@@ -64,7 +64,7 @@ class Request:
         sizes = {name: len(values) for name, values in self.axes.items()}
         if self.scattered:
             sizes = {"point": next(iter(sizes.values()))}
-        return sizes | ({"start": self.several} if self.several else {})
+        return sizes | ({"start": self.n_starts} if self.n_starts else {})
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -104,9 +104,9 @@ class Request:
         labels = {name: label(self.model.parameters[name]) for name in self.axes}
         dims = dict.fromkeys(self.axes, "point") if self.scattered else {name: name for name in self.axes}
         variables = {name: plain_variable(dims[name], values, labels[name]) for name, values in self.axes.items()}
-        if self.several:
+        if self.n_starts:
             attrs = {"long_name": "number of the initial condition", "units": "1", "symbol": "start"}
-            variables["start"] = plain_variable("start", np.arange(self.several), attrs)
+            variables["start"] = plain_variable("start", np.arange(self.n_starts), attrs)
         if self.stops:
             variables["stop"] = plain_variable("stop", np.array(self.stops), {"long_name": "stop"})
         return variables
@@ -116,8 +116,8 @@ class Request:
         flat = np.arange(*at.indices(len(self))) if isinstance(at, slice) else at
         if not isinstance(self.start, (tuple, int)):
             return self._designs_at(flat).begun(self.start)
-        designs, owner = np.unique(flat // self.several, return_inverse=True)
-        cells, numbers = self._designs_at(designs)[owner], flat % self.several
+        designs, owner = np.unique(flat // self.n_starts, return_inverse=True)
+        cells, numbers = self._designs_at(designs)[owner], flat % self.n_starts
         if isinstance(self.start, int):
             struck = numbers > 0
             cells.table[struck] = cells[struck].struck(numbers[struck] - 1).table
@@ -189,7 +189,7 @@ class Request:
 
     def _start(self) -> str:
         if isinstance(self.start, int):
-            return f"at rest; {self.several - 1} impacts at phases 0 to 1, velocities 0 to {FASTEST:g} V"
+            return f"at rest; {self.n_starts - 1} impacts at phases 0 to 1, velocities 0 to {FASTEST:g} V"
         starts = self.start if isinstance(self.start, tuple) else (self.start,)
         return "; ".join("at rest" if start is None else str(start) for start in starts)
 

@@ -112,14 +112,14 @@ def create(folder: Path, request: Request, identity: dict[str, Any], cells: int)
 
 def tiling_of(request: Request, cells: int) -> Tiling:
     """Return the tiles of a grid, or of the lists of a refined map."""
-    if not refined(request.further):
+    if not is_refined(request.further):
         return cut(request.shape, cells)
     return Tiling(((len(request) // cells + SPARE) * cells,), (cells,))
 
 
-def refined(how: Mapping[str, Any]) -> bool:
+def is_refined(arguments: Mapping[str, Any]) -> bool:
     """Whether a request, by its further arguments or its identity, is that of a refined map."""
-    return "refine" in how
+    return "refine" in arguments
 
 
 def _check_room(request: Request, tiling: Tiling) -> None:
@@ -146,7 +146,7 @@ def lay_out(place: GuardedStore, request: Request, identity: dict[str, Any], til
             _array(root, name, axis, axis.shape, axis.shape, fill)[:] = axis.values
     root.create_group(PROGRESS)
     chunks = tiling.tile
-    if refined(request.further):
+    if is_refined(request.further):
         chunks = cut(request.shape, PICTURE).tile
         _array(root, "level", _label("level", request.dims), request.shape, chunks)
         root.create_group(LIST)

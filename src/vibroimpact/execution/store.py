@@ -35,10 +35,10 @@ from vibroimpact.execution.layout import (
     StoreBusy,
     TileWriter,
     create,
+    is_refined,
     locked,
-    refined,
 )
-from vibroimpact.files import load_lazily, offered, sweep_up
+from vibroimpact.files import aside_hint, load_lazily, sweep_up
 from vibroimpact.files.formats import ORDER
 from vibroimpact.files.guard import DESCRIPTION, RECORDS, GuardedStore
 from vibroimpact.parameters import check_fits, invalid
@@ -57,7 +57,7 @@ class SweepStore:
         self.path = Path(path).absolute()  # the same store wherever the process goes
         if not self.path.exists():
             raise FileNotFoundError(
-                f"`store` {str(path)!r} does not exist; {offered(self.path) or 'check the spelling'}"
+                f"`store` {str(path)!r} does not exist; {aside_hint(self.path) or 'check the spelling'}"
             )
         try:
             self._files = GuardedStore(self.path)
@@ -77,7 +77,7 @@ class SweepStore:
         if key_of(self.identity) != attrs["key"]:
             raise ValueError(f"the study in {str(self.path / DESCRIPTION)!r} was altered")
         self.key, self.command = str(attrs["key"]), str(attrs.get("command", ""))
-        self.refined = refined(self.identity)
+        self.refined = is_refined(self.identity)
         names = (*str(self.identity["indices"]).split(", "), "status")
         self.arrays = {name: f"{LIST}/{name}" for name in (*names, CELL)} if self.refined else {n: n for n in names}
         self._drawn = (*names, "level") if self.refined else ()

@@ -131,7 +131,7 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     if ending not in _OPEN:
         raise invalid("path", str(path), "a .zarr folder or a .nc file", ".csv and .mat are exports only")
     if not source.exists():
-        raise FileNotFoundError(f"`path` {str(path)!r} does not exist; {offered(source) or 'check the spelling'}")
+        raise FileNotFoundError(f"`path` {str(path)!r} does not exist; {aside_hint(source) or 'check the spelling'}")
     place: Any = GuardedStore(source) if ending == ".zarr" else source
     with _explained(source):
         size = netcdf_size(source) if place is source else place.size()
@@ -303,8 +303,8 @@ def partial_name(path: Path) -> Path:
     return path.with_name(f"{path.stem}.partial{path.suffix}")
 
 
-def offered(path: Path) -> str:
-    """Return the former output of a name that a process did not live to replace; empty without one."""
+def aside_hint(path: Path) -> str:
+    """Return where the former output of a name lies that a process did not live to replace; empty without one."""
     aside = max(path.parent.glob(f".{glob.escape(path.name)}-*{ASIDE}"), key=os.path.getmtime, default=None)
     return f"what it held lies in {str(aside)!r}, set aside by a process that ended: rename that" if aside else ""
 
