@@ -72,11 +72,11 @@ class Law(ByValue):
 
     def __init__(self, kind: str, given: Mapping[str, Any]) -> None:
         formula = _MAKERS[kind](**given)
-        kept = {name: value if callable(value) else _kept(value) for name, value in given.items()}
-        whole = _mark((kind, *kept.values()))
+        arguments = {name: value if callable(value) else _kept(value) for name, value in given.items()}
+        whole = _mark((kind, *arguments.values()))
         code = whole if kind == "function" else _mark(kind)
         mark = code if formula.number else whole
-        vars(self).update(kind=kind, given=MappingProxyType(kept), formula=formula, code=code, mark=mark)
+        vars(self).update(kind=kind, given=MappingProxyType(arguments), formula=formula, code=code, mark=mark)
 
     @property
     def constant(self) -> float | None:

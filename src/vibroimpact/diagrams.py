@@ -179,10 +179,10 @@ def bifurcation_diagram(
                 stop.set()
     if chosen and finished:
         # Each value that has its section gets its indices, in a stopped diagram too: nothing stops this sweep.
-        where, over = np.array(finished), replace(measurement, window=impacts)
-        for which, result in run_sweep(engine, cells[where], over, threads, Event()):
+        rows, measured = np.array(finished), replace(measurement, window=impacts)
+        for which, result in run_sweep(engine, cells[rows], measured, threads, Event()):
             for name in chosen:
-                table[name][where[which]] = result[name]
+                table[name][rows[which]] = result[name]
     return dataset.isel({_along(section): slice(0, max(int(dataset["count"].values.max()), 1))})
 
 

@@ -218,9 +218,9 @@ def load_model(place: Any) -> Model:
 def _model_in(module: Any, name: str, place: Any) -> Model:
     """Return the model of that name in a module, once it has been made at its own values."""
     models = {key: value for key, value in vars(module).items() if is_model(value)}
-    wanted = vars(module).get(name)
+    candidate = vars(module).get(name)
     if name not in models:
-        code = getattr(wanted, "__code__", None)
+        code = getattr(candidate, "__code__", None)
         if code is not None:
             line = f"{Path(code.co_filename).name}, line {code.co_firstlineno}"
             raise ValueError(f"`model` {place!r} is a function; write @vibroimpact.family above it ({line})")

@@ -63,16 +63,16 @@ class SweepStore:
             self._files = GuardedStore(self.path)
             self._check_described("")
             self._root: Any = zarr.open_group(self._files, mode="r", zarr_format=3)
-            self._describe(self._root)
+            self._describe()
         except Exception as error:
             raise OSError(
                 f"`store` is {str(path)!r}, which is no stored sweep, or a damaged one ({_reason(error)}); restore "
                 "that file or delete the store, or choose another name"
             ) from error
 
-    def _describe(self, root: Any) -> None:
+    def _describe(self) -> None:
         """Take from the store what it holds; raise where that does not fit together."""
-        attrs = dict(root.attrs)
+        attrs = dict(self._root.attrs)
         self.identity: dict[str, Any] = json.loads(str(attrs["study"]))
         if key_of(self.identity) != attrs["key"]:
             raise ValueError(f"the study in {str(self.path / DESCRIPTION)!r} was altered")
@@ -82,9 +82,9 @@ class SweepStore:
         self.arrays = {name: f"{LIST}/{name}" for name in (*names, CELL)} if self.refined else {n: n for n in names}
         self._drawn = (*names, "level") if self.refined else ()
         self._check_files([name for name in json.loads(str(attrs[ORDER])) if name not in names])
-        self.shape: tuple[int, ...] = root["status"].shape
-        self._arrays = {name: root[place] for name, place in self.arrays.items()}
-        self._rows = root[RECORDS]
+        self.shape: tuple[int, ...] = self._root["status"].shape
+        self._arrays = {name: self._root[place] for name, place in self.arrays.items()}
+        self._rows = self._root[RECORDS]
         self.tiling = Tiling(self._arrays["status"].shape, tuple(attrs["tile"]))
         for name, array in self._arrays.items():
             further = array.shape[len(self.tiling.tile) :]  # a further dimension is not cut

@@ -144,8 +144,8 @@ def _check(sweep: Any) -> None:
         names.add("lyapunov_per_impact")
     missing = [name for name in NEEDED if name not in names]
     if missing:
-        wanted = ", ".join(map(repr, NAMING))
+        indices = ", ".join(map(repr, NAMING))
         raise ValueError(
             f"`sweep` must hold exponents and cycles, but lacks {', '.join(missing)}; "
-            f"run parameter_map with indices=({wanted})"
+            f"run parameter_map with indices=({indices})"
         )
