@@ -284,11 +284,11 @@ class Story:
         known, found = self.known, content(self.out) if self.out.exists() else None
         half = [file for ending in ("part", "partial", "old") for file in self.folder.rglob(f"*.{ending}")]
         if self.kind.over:
-            from vibroimpact.files import offered
+            from vibroimpact.files import aside_hint
 
             self.aside += found is None
             self._must(
-                found in (known.old, known.new) or (found is None and bool(offered(self.out))), "neither is whole"
+                found in (known.old, known.new) or (found is None and bool(aside_hint(self.out))), "neither is whole"
             )
             former = list(map(content, self.folder.glob(".*.old")))
             self._must(found is not None or known.old in former or known.new in former, "the old is lost")

@@ -37,7 +37,7 @@ def pytest_xdist_setupnodes(config: pytest.Config) -> None:
 @pytest.fixture(autouse=True)
 def _untold(monkeypatch):
     """Let what is compiled not be told: which test compiles first depends on how they are shared out."""
-    monkeypatch.setattr("vibroimpact.compiling.TOLD", math.inf)
+    monkeypatch.setattr("vibroimpact.compiling.SILENT", math.inf)
 
 
 @pytest.fixture(autouse=True)

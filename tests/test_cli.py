@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 import vibroimpact as vi
-from vibroimpact.dataset import oscillator_of
+from vibroimpact.dataset import model_of
 
 COMMANDS = (
     "simulate", "section", "diagram", "map", "orbit", "continue", "boundary", "basins", "describe", "compare", "plot",
@@ -233,7 +233,7 @@ def test_a_damping_ratio_stands_for_the_damping_that_it_is_of_this_mass_and_stif
 def test_a_damping_ratio_takes_the_place_of_the_damping_in_a_study_and_uses_its_mass(run, tmp_path):
     (tmp_path / "study.toml").write_text("[oscillator]\nm = 4.0\nc = 3.0\nk = 9.0\n")
     assert run("section study.toml -p zeta=0.05 --sample-impacts 20 --out ratio.nc")[0] == 0
-    osc = oscillator_of(vi.load(tmp_path / "ratio.nc"))
+    osc = model_of(vi.load(tmp_path / "ratio.nc"))
     assert (osc.mass, osc.stiffness, osc.damping_ratio) == (4.0, 9.0, pytest.approx(0.05, rel=1e-15))
 
 
@@ -242,7 +242,7 @@ def test_a_study_file_may_give_the_damping_ratio_and_the_command_line_the_dampin
         (tmp_path / "study.toml").write_text(f"[oscillator]\nm = 4.0\n{name} = 0.05\nk = 9.0\n")
         for typed, c in (("", 0.6), (" -p m=1", 0.3), (" -p c=0.2", 0.2)):
             assert run(f"section study.toml --sample-impacts 20 --overwrite --out out.nc{typed}")[0] == 0
-            assert oscillator_of(vi.load(tmp_path / "out.nc")).damping == pytest.approx(c, rel=1e-15)
+            assert model_of(vi.load(tmp_path / "out.nc")).damping == pytest.approx(c, rel=1e-15)
 
 
 @pytest.mark.parametrize(("command", "told"), [

@@ -136,7 +136,7 @@ import numba.core.event as event
 import vibroimpact as vi
 from vibroimpact import compiling
 
-compiling.TOLD = float("inf")
+compiling.SILENT = float("inf")
 compiled = []
 event.register("numba:compile", type("Count", (event.Listener,), {
     "on_start": lambda self, event: compiled.append(event.data["dispatcher"].__name__), "on_end": lambda *_: None})())
@@ -175,7 +175,7 @@ def test_what_a_kernel_is_interrupted_at_is_compiled_before_the_interrupt_is_fel
         "from vibroimpact import compiling\n"
         "def interrupt():\n"
         "    if compiling.under_way() == 'starts of systems': os.kill(os.getpid(), signal.SIGINT)\n"
-        "compiling.TOLD = 0.0\n"
+        "compiling.SILENT = 0.0\n"
         "compiling.watching.append(interrupt)\n"
         "try:\n"
         "    for _ in range(1000): vi.impact_section(vi.models.impact_damper())\n"
@@ -311,7 +311,7 @@ def test_one_second_process_at_most_waits_and_none_begins_when_nothing_is_compil
     compiling.begin("what is not told", 0.1, "")
     compiling.end()
     assert not begun
-    monkeypatch.setattr(compiling, "TOLD", 1.0)
+    monkeypatch.setattr(compiling, "SILENT", 1.0)
     for _ in range(3):
         compiling.begin("what is told", 2.0, "")
         compiling.end()

@@ -24,7 +24,7 @@ from scipy.io import loadmat
 import vibroimpact as vi
 from vibroimpact import files
 from vibroimpact.cli.orbits import orbits_dataset
-from vibroimpact.dataset import bundle, impact_speed, oscillator_of, provenance, status_variable, variable
+from vibroimpact.dataset import bundle, impact_speed, model_of, provenance, status_variable, variable
 from vibroimpact.files import formats
 
 OSC = vi.ImpactOscillator(omega=2.8)
@@ -86,7 +86,7 @@ def test_a_result_comes_back_with_its_values_labels_and_provenance(tmp_path, end
     xr.testing.assert_identical(back, make())
     assert back.status.dtype == np.int8
     assert back.status.attrs["flag_values"].dtype == np.int8
-    assert oscillator_of(back) == oscillator_of(make())
+    assert model_of(back) == model_of(make())
 
 
 @pytest.mark.parametrize("ending", [".zarr", ".nc"])

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from vibroimpact.diagrams import bifurcation_diagram
     from vibroimpact.explorer.notebook import explore
     from vibroimpact.families import family
+    from vibroimpact.files import load, save
     from vibroimpact.model import State
     from vibroimpact.model.oscillator import ImpactOscillator
     from vibroimpact.model.stops import Force, Stop
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from vibroimpact.orbits.sticking_end import end_of_sticking
     from vibroimpact.refinement import to_uniform
     from vibroimpact.sections import impact_map, impact_section, simulate, stroboscopic_section
+    from vibroimpact.status import Status
     from vibroimpact.sweeps import parameter_map, refined_map
     from vibroimpact.verdict.compare import compare
     from vibroimpact.verdict.describe import describe
@@ -93,8 +95,8 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
-        found = globals()[name] = getattr(import_module(f"vibroimpact.{_HOMES[name]}"), name)
-        return found
+        value = globals()[name] = getattr(import_module(f"vibroimpact.{_HOMES[name]}"), name)
+        return value
     if name in ("contact", "models", "plotting"):
         return import_module(f"vibroimpact.{name}")
     if name == "__version__":

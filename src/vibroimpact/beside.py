@@ -33,23 +33,23 @@ def compile_beside(model: Callable[[], Model]) -> None:
 
 
 def _start() -> None:
-    if not compiling.under_way():  # told of an end
+    if not compiling.under_way():  # called at an end
         return
     compiling.watching.remove(_start)
     with suppress(Exception):  # a law of restitution that cannot be handed on, say: this process compiles alone
-        words = pickle.dumps(_latest[0]())
-        quiet: Any = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "bufsize": 0}
-        process = subprocess.Popen([sys.executable, "-P", "-m", __name__], stdin=subprocess.PIPE, **quiet)
+        pickled = pickle.dumps(_latest[0]())
+        streams: Any = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "bufsize": 0}
+        process = subprocess.Popen([sys.executable, "-P", "-m", __name__], stdin=subprocess.PIPE, **streams)
         _processes.append(process)
         if process.stdin:  # left open: the other process ends with this one
-            process.stdin.write(words)
+            process.stdin.write(pickled)
 
 
 def main() -> None:
     """Compute a little of the model that is handed on, then compile what else may be asked for."""
     model = pickle.load(sys.stdin.buffer)
     threading.Thread(target=_end_with_the_other, daemon=True).start()
-    compiling.TOLD = float("inf")
+    compiling.SILENT = float("inf")
     import vibroimpact as vi
     from vibroimpact.kernels import claims, deferred
 

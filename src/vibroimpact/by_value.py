@@ -17,18 +17,21 @@ class ByValue:
 
     def plain(self) -> dict[str, Any]:
         """Return the arguments as numbers, texts, lists and dictionaries."""
-        return {name: _listed(value) for name, value in self.arguments().items()}
+        return {name: _as_json(value) for name, value in self.arguments().items()}
 
     def __eq__(self, other: object) -> bool:
-        return type(self) is type(other) and _plain(self.arguments()) == _plain(other.arguments())
+        return type(self) is type(other) and _hashable(self.arguments()) == _hashable(other.arguments())
 
     def __hash__(self) -> int:
-        return hash((type(self).__name__, _plain(self.arguments())))
+        return hash((type(self).__name__, _hashable(self.arguments())))
 
     def __repr__(self) -> str:
-        given = {name: value for name, value in self.arguments().items() if value is not None}
-        words = (f"{name}={written(value)}" for name, value in given.items() if not isinstance(value, Mapping) or value)
-        return f"{type(self).__name__}({', '.join(words)})"
+        entries = (
+            f"{name}={written(value)}"
+            for name, value in self.arguments().items()
+            if value is not None and not (isinstance(value, Mapping) and not value)
+        )
+        return f"{type(self).__name__}({', '.join(entries)})"
 
     def __reduce__(self) -> Any:
         return _rebuilt, (type(self), self.arguments())
@@ -38,26 +41,26 @@ def _rebuilt(kind: Any, arguments: dict[str, Any]) -> Any:
     return kind(**arguments)
 
 
-def _listed(value: Any) -> Any:
+def _as_json(value: Any) -> Any:
     """Return a value without arrays; of complex ones two, the real and the imaginary parts."""
     if isinstance(value, ByValue):
         return value.plain()
     if isinstance(value, Mapping):
-        return {str(key): _listed(part) for key, part in value.items()}
+        return {str(key): _as_json(part) for key, part in value.items()}
     if isinstance(value, tuple):
-        return [_listed(part) for part in value]
+        return [_as_json(part) for part in value]
     if np.iscomplexobj(value):
         return [np.asarray(value).real.tolist(), np.asarray(value).imag.tolist()]
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-def _plain(value: Any) -> Any:
+def _hashable(value: Any) -> Any:
     """Return a value without arrays and mappings, for comparisons."""
     if isinstance(value, np.ndarray):
         return value.shape, tuple(value.ravel().tolist())
     if isinstance(value, Mapping):
-        return frozenset((key, _plain(entry)) for key, entry in value.items())
-    return tuple(map(_plain, value)) if isinstance(value, (tuple, list)) else value
+        return frozenset((key, _hashable(entry)) for key, entry in value.items())
+    return tuple(map(_hashable, value)) if isinstance(value, (tuple, list)) else value
 
 
 def written(value: Any) -> str:

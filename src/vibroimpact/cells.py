@@ -68,8 +68,8 @@ class Cells:
 
     def copies(self, number: int) -> Self:
         """Return so many cells like the first one."""
-        found: Self = self[np.zeros(number, np.int64)]  # type: ignore[assignment]
-        return found
+        copies: Self = self[np.zeros(number, np.int64)]  # type: ignore[assignment]
+        return copies
 
     @property
     def coordinates(self) -> int:

@@ -1,4 +1,4 @@
-"""What is being compiled: told on the error stream as soon as it begins, since it may take most of a minute.
+"""What is being compiled: announced on the error stream as soon as it begins, since it may take most of a minute.
 
 What is compiled is kept for later processes, so that this happens once on a machine.
 """
@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
 
-TOLD = 1.0  # s: what takes less is not told
+SILENT = 1.0  # s: what takes less is not announced
 
 watching: list[Callable[[], None]] = []  # called when something begins to be compiled, and when it is
 
@@ -20,13 +20,13 @@ _spent = 0.0
 
 
 @contextmanager
-def told_first(tell: Callable[[], None]) -> Iterator[Callable[[], None]]:
-    """Yield what calls `tell` if it was not called before: here once something is compiled, or at the end."""
-    left = [tell]
+def before_compiling(announce: Callable[[], None]) -> Iterator[Callable[[], None]]:
+    """Yield what calls `announce` unless that was called: as soon as something is compiled, or at the end."""
+    uncalled = [announce]
 
     def once() -> None:
-        while left:
-            left.pop()()
+        while uncalled:
+            uncalled.pop()()
 
     _first.append(once)
     try:
@@ -39,14 +39,14 @@ def told_first(tell: Callable[[], None]) -> Iterator[Callable[[], None]]:
 def begin(what: str, seconds: float, kept: str) -> None:
     """Say what is compiled from now on, about how long that takes, and whether it is kept."""
     _begun.append((what, perf_counter()))
-    if seconds < TOLD or len(_begun) > 1:
+    if seconds < SILENT or len(_begun) > 1:
         return
-    for tell in list(_first):
-        tell()
+    for announce in list(_first):
+        announce()
     # By way of `sys.stderr` as it is now, so that it does not run into a bar.
     print(f"compiling {what}: about {seconds:.0f} s, {kept}", file=sys.stderr, flush=True)
-    for tell in list(watching):
-        tell()
+    for notify in list(watching):
+        notify()
 
 
 def end() -> None:
@@ -55,8 +55,8 @@ def end() -> None:
     _, began = _begun.pop()
     if not _begun:
         _spent += perf_counter() - began
-        for tell in list(watching):
-            tell()
+        for notify in list(watching):
+            notify()
 
 
 def clock() -> float:

@@ -72,11 +72,11 @@ class Law(ByValue):
 
     def __init__(self, kind: str, given: Mapping[str, Any]) -> None:
         formula = _MAKERS[kind](**given)
-        kept = {name: value if callable(value) else _kept(value) for name, value in given.items()}
-        whole = _mark((kind, *kept.values()))
+        arguments = {name: value if callable(value) else _kept(value) for name, value in given.items()}
+        whole = _mark((kind, *arguments.values()))
         code = whole if kind == "function" else _mark(kind)
         mark = code if formula.number else whole
-        vars(self).update(kind=kind, given=MappingProxyType(kept), formula=formula, code=code, mark=mark)
+        vars(self).update(kind=kind, given=MappingProxyType(arguments), formula=formula, code=code, mark=mark)
 
     @property
     def constant(self) -> float | None:
@@ -102,8 +102,8 @@ class Law(ByValue):
             raise invalid("v", v, "speeds >= 0")
         table = self.formula.table
         rule = self.formula.rule(lambda function: function, lambda number, at: float(table[at]))
-        found: Floats = np.array([float(rule(speed, self.number, order)) for speed in speeds.ravel().tolist()])
-        return found.reshape(speeds.shape) if speeds.ndim else float(found[0])
+        values: Floats = np.array([float(rule(speed, self.number, order)) for speed in speeds.ravel().tolist()])
+        return values.reshape(speeds.shape) if speeds.ndim else float(values[0])
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the constructor by name."""
@@ -246,7 +246,7 @@ def piecewise(speeds: Any, values: Any) -> Law:
     return Law("piecewise", {"speeds": speeds, "values": values})
 
 
-def law_of(given: Any) -> Any:
+def law_of(value: Any) -> Any:
     """Return the law that a Python function, or what `Law.plain` returns, stands for; all else as it is.
 
     A function is one of the speed alone, in Python that numba compiles. Its derivative is a difference, good to 1e-9 of
@@ -266,12 +266,12 @@ def law_of(given: Any) -> Any:
     Traceback (most recent call last):
     ValueError: `restitution` must be from 0 to 1, got 2.0 at a speed of 1e-09 m/s; limit what it returns by min and max
     """
-    if isinstance(given, Mapping):
-        arguments = {name: value for name, value in given.items() if name not in ("law", "mark")}
-        return LAWS.get(given.get("mark", 0.0)) or Law("piecewise" if "mark" in given else given["law"], arguments)
-    if isinstance(given, Law) or not callable(given):
-        return given
-    return Law("function", {"function": given})
+    if isinstance(value, Mapping):
+        arguments = {name: entry for name, entry in value.items() if name not in ("law", "mark")}
+        return LAWS.get(value.get("mark", 0.0)) or Law("piecewise" if "mark" in value else value["law"], arguments)
+    if isinstance(value, Law) or not callable(value):
+        return value
+    return Law("function", {"function": value})
 
 
 def _hunt_crossley(damping: Any) -> _Formula:
@@ -282,13 +282,13 @@ def _hunt_crossley(damping: Any) -> _Formula:
 
 def _power_series(terms: int) -> tuple[float, ...]:
     """Return the coefficients of r in powers of x = D v, by y y' (1 + x) = x (1 - y), y = x r."""
-    found, before = [1.0], 1.0
+    coefficients, last = [1.0], 1.0
     for order in range(1, terms):
-        product = -found[-1] - before  # of r and (x r)'
-        inner = sum(found[j] * found[order - j] for j in range(1, order))
-        found.append(product / (order + 2.0) - 0.5 * inner)
-        before = product
-    return tuple(found)
+        product = -coefficients[-1] - last  # of r and (x r)'
+        inner = sum(coefficients[j] * coefficients[order - j] for j in range(1, order))
+        coefficients.append(product / (order + 2.0) - 0.5 * inner)
+        last = product
+    return tuple(coefficients)
 
 
 _POWERS = _power_series(14)
@@ -396,5 +396,5 @@ def _mark(value: Any) -> float:
 
 
 def _kept(value: Any) -> Any:
-    found = np.asarray(value, np.float64).tolist()
-    return tuple(found) if isinstance(found, list) else found
+    plain = np.asarray(value, np.float64).tolist()
+    return tuple(plain) if isinstance(plain, list) else plain

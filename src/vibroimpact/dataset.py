@@ -136,27 +136,28 @@ def provenance(function: str, model: Model, arguments: Mapping[str, Any]) -> dic
     Of a family they hold its own parameters (`model`) and the oscillator that these make; `initial_condition` says in
     words from where the motions were followed.
     """
-    made = model.at()
-    family = {} if model is made else {"model": json.dumps({"family": str(model), **model.values})}
-    begun = {"initial_condition": _begun(arguments["start"], made.at_rest)} if "start" in arguments else {}
-    return {
+    design = model.at()
+    family = {} if model is design else {"model": json.dumps({"family": str(model), **model.values})}
+    attrs = {
         "source": f"vibroimpact {package_version()}",
         "function": function,
         **family,
-        made.kind: json.dumps(made.plain()),
+        design.kind: json.dumps(design.plain()),
         "arguments": json.dumps(dict(arguments), default=str),
-        **begun,
     }
+    if "start" in arguments:
+        attrs["initial_condition"] = _initial_condition(arguments["start"], design.at_rest)
+    return attrs
 
 
-def _begun(start: Any, rest: str) -> str:
+def _initial_condition(start: Any, rest: str) -> str:
     """Return in words from which initial conditions a result was computed; None is at `rest`."""
     if isinstance(start, int):
         scale = "max(f, k|g|)/sqrt(k m)" if rest == ImpactOscillator.at_rest else "V, on all stops in turn"
         others = f"{start - 1} impacts at phases 0 to 1 and velocities 0 to {FASTEST:g} {scale}"
         return f"{start} initial conditions: {rest}; {others}"
     if isinstance(start, tuple):
-        return f"{len(start)} initial conditions: {'; '.join(_begun(each, rest) for each in start)}"
+        return f"{len(start)} initial conditions: {'; '.join(_initial_condition(each, rest) for each in start)}"
     if start is None:
         return rest
     if isinstance(start.displacement, tuple):
@@ -169,30 +170,22 @@ def start_of(dataset: xr.Dataset) -> State | None:
     start = json.loads(dataset.attrs["arguments"])["start"]
     if start is None:
         return None
-    given: Any = ast.parse(start, mode="eval").body
-    return State(**{part.arg: ast.literal_eval(part.value) for part in given.keywords})
-
-
-def oscillator_of(dataset: xr.Dataset) -> ImpactOscillator:
-    """Return the oscillator a result was made from (axes of a sweep stand at their reference value)."""
-    return ImpactOscillator(**json.loads(dataset.attrs["oscillator"]))
+    call: Any = ast.parse(start, mode="eval").body
+    return State(**{part.arg: ast.literal_eval(part.value) for part in call.keywords})
 
 
 def model_of(dataset: xr.Dataset) -> ImpactOscillator | ImpactSystem:
-    """Return the oscillator or the system a result was made from."""
-    return oscillator_of(dataset) if "oscillator" in dataset.attrs else _system_of(json.loads(dataset.attrs["system"]))
+    """Return the oscillator or the system a result was made from (axes of a sweep stand at their reference value)."""
+    return model_from(json.loads(dataset.attrs["oscillator" if "oscillator" in dataset.attrs else "system"]))
 
 
 def model_from(plain: dict[str, Any]) -> ImpactOscillator | ImpactSystem:
     """Return the oscillator or the system whose plain numbers these are."""
-    return _system_of(plain) if "stops" in plain else ImpactOscillator(**plain)
+    if "stops" not in plain:
+        return ImpactOscillator(**plain)
 
-
-def _system_of(plain: dict[str, Any]) -> ImpactSystem:
-    """Return the system whose `plain` numbers these are."""
-
-    def waves(found: Mapping[str, Any]) -> dict[int, Any]:
-        return {int(order): np.array(real) + 1j * np.array(imag) for order, (real, imag) in found.items()}
+    def waves(harmonics: Mapping[str, Any]) -> dict[int, Any]:
+        return {int(order): np.array(real) + 1j * np.array(imag) for order, (real, imag) in harmonics.items()}
 
     force = plain["force"] | {"harmonics": waves(plain["force"]["harmonics"])}
     stops = [Stop(**stop | {"motion": waves(stop["motion"])}) for stop in plain["stops"]]
@@ -209,10 +202,10 @@ def check_attributes(dataset: xr.Dataset) -> None:
             model_of(dataset)
         except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError) as error:
             raise ValueError(f"its attribute {name!r} is damaged: {error}") from None
-    for name, held in dataset.variables.items():
-        words = held.attrs.get("flag_meanings", "")
-        counted = np.size(held.attrs["flag_values"]) if "flag_values" in held.attrs and words else None
-        if any(not isinstance(held.attrs.get(key, ""), str) for key in _LABELS) or (
+    for name, column in dataset.variables.items():
+        words = column.attrs.get("flag_meanings", "")
+        counted = np.size(column.attrs["flag_values"]) if "flag_values" in column.attrs and words else None
+        if any(not isinstance(column.attrs.get(key, ""), str) for key in _LABELS) or (
             counted is not None and counted != len(words.split())
         ):
             raise ValueError(f"the labels of {name!r} are damaged")
@@ -312,10 +305,10 @@ def unbundle(dataset: xr.Dataset) -> list[xr.Dataset]:
         for dim in _LAID_OUT:
             if (owner := _owner(dim, name)) in part:
                 part = part.isel({dim: np.flatnonzero(part[owner].values == number)}).drop_vars(owner)
-        own = {key: int(part[key]) for key in ("n_periods", "n_impacts")}
+        cycle = {key: int(part[key]) for key in ("n_periods", "n_impacts")}
         attrs = {key: value for key, value in dataset.attrs.items() if not key.startswith(f"{name}_")}
-        part = part.isel(impact=slice(0, int(part["count"].max()))).drop_vars([f"{name}_id", "count", *own])
-        part.attrs = attrs | own | {key: values[number] for key, values in ends.items()}
+        part = part.isel(impact=slice(0, int(part["count"].max()))).drop_vars([f"{name}_id", "count", *cycle])
+        part.attrs = attrs | cycle | {key: values[number] for key, values in ends.items()}
         parts.append(_in_order(part))
     return parts
 
@@ -323,5 +316,5 @@ def unbundle(dataset: xr.Dataset) -> list[xr.Dataset]:
 def _in_order(part: xr.Dataset) -> xr.Dataset:
     """Return a curve with its plane's parameters in the order given; stores put them into that of the alphabet."""
     names = json.loads(part.attrs.get("arguments", "{}")).get("parameters", ())
-    held = [name for name in names if name in part.coords]
-    return part.drop_vars(held).assign_coords({name: part[name].variable for name in held})
+    plane = [name for name in names if name in part.coords]
+    return part.drop_vars(plane).assign_coords({name: part[name].variable for name in plane})

@@ -123,7 +123,7 @@ def bifurcation_diagram(
     ('omega', 'impact')
     """
     check_model(osc)
-    made = osc.at()
+    design = osc.at()
     choice("section", section, SECTIONS)
     choice("direction", direction, DIRECTIONS)
     axes = check_axes(axis, osc.parameters)
@@ -139,19 +139,19 @@ def bifurcation_diagram(
     named = several("indices", indices, "a list of names of indices")
     chosen = check_indices(named) if named else ()
     engine = get_backend(backend, time_step=time_step)
-    check_known(chosen, engine, osc.at())
-    check_takes(engine, made)
-    _check_coordinate(coordinate, made)
+    check_known(chosen, engine, design)
+    check_takes(engine, design)
+    if whole_number("coordinate", coordinate, 0) >= design.coordinates:
+        raise invalid("coordinate", coordinate, f"less than the number of coordinates, {design.coordinates}")
     measurement = Measurement(window, Tolerances.of(tolerances), indices=chosen)
     request = Request(osc, axes, measurement, one_start(start), engine.sampler, time_step)
     cells = request.cells()
-    samples = len(cells) * window.keep
+    total = len(cells) * window.keep
     hint = f"take fewer points, or smaller `sample_{_along(section)}s`"
-    check_fits("axes", f"hold {len(cells):,} values, {samples:,} samples, which take", 16 * samples, hint)
-    left_out = window.transient if isinstance(window, ImpactWindow) else window.skip_periods
-    asked = f"hold {len(cells):,} values of {left_out + window.keep:,} {_along(section)}s each, which take"
-    check_steps("axes", asked, len(cells) * (left_out + window.keep), COSTLY)
-    dataset = _empty_diagram(request, section, window.keep, () if made.says_all else made.stop_names)
+    check_fits("axes", f"hold {len(cells):,} values, {total:,} samples, which take", 16 * total, hint)
+    what = f"hold {len(cells):,} values of {_length(window):,} {_along(section)}s each, which take"
+    check_steps("axes", what, len(cells) * _length(window), COSTLY)
+    dataset = _empty_diagram(request, section, window.keep, () if design.says_all else design.stop_names)
     further: dict[str, Any] = {
         "section": section,
         "direction": direction,
@@ -172,35 +172,33 @@ def bifurcation_diagram(
     finished: list[int] = []
     table = {str(name): values.values for name, values in dataset.data_vars.items()}
     with reporter(progress, "values") as report:
-        for at, seen in columns:
-            _fill(table, section, at, seen, coordinate)
+        for at, samples in columns:
+            _fill(table, section, at, samples, coordinate)
             finished.append(at)
             if not stop.is_set() and report(len(finished), len(cells), dataset) is False:
                 stop.set()
     if chosen and finished:
         # Each value that has its section gets its indices, in a stopped diagram too: nothing stops this sweep.
-        where, over = np.array(finished), replace(measurement, window=impacts)
-        for which, result in run_sweep(engine, cells[where], over, threads, Event()):
+        rows, measured = np.array(finished), replace(measurement, window=impacts)
+        for which, result in run_sweep(engine, cells[rows], measured, threads, Event()):
             for name in chosen:
-                table[name][where[which]] = result[name]
+                table[name][rows[which]] = result[name]
     return dataset.isel({_along(section): slice(0, max(int(dataset["count"].values.max()), 1))})
-
-
-def _check_coordinate(coordinate: int, made: Any) -> None:
-    if whole_number("coordinate", coordinate, 0) >= made.coordinates:
-        raise invalid("coordinate", coordinate, f"less than the number of coordinates, {made.coordinates}")
 
 
 def _along(section: str) -> str:
     return "impact" if section == "impact" else "period"
 
 
+def _length(window: ImpactWindow | StroboscopicWindow) -> int:
+    """Return the impacts or periods of a window, those left out among them."""
+    return window.keep + (window.transient if isinstance(window, ImpactWindow) else window.skip_periods)
+
+
 def _fresh(
     engine: Backend, cells: Cells, measurement: Measurement, threads: int, stop: Event
 ) -> Iterator[tuple[int, Any]]:
-    window = measurement.window
-    left_out = window.transient if isinstance(window, ImpactWindow) else window.skip_periods
-    most = min(max(AT_ONCE // (left_out + window.keep), 1), MANY, engine.largest_tile)
+    most = min(max(AT_ONCE // _length(measurement.window), 1), MANY, engine.largest_tile)
     parts = tiles(len(cells), threads, min(engine.smallest_tile, FEW, most), most)
     for part, column in run_tiles(lambda part: engine.samples(cells[part], measurement), parts, threads, stop):
         yield from enumerate(column, start=part.start)
@@ -219,9 +217,9 @@ def _carried(
         if before is not None:
             cell = before.carry_on(cell)
             cells.table[at] = cell.table
-        (seen,) = engine.samples(cell, measurement)
-        before = None if seen.status == Status.BUDGET else seen
-        yield at, seen
+        (samples,) = engine.samples(cell, measurement)
+        before = None if samples.status == Status.BUDGET else samples
+        yield at, samples
 
 
 def _empty_diagram(request: Request, section: str, keep: int, stops: tuple[str, ...]) -> xr.Dataset:
@@ -245,16 +243,16 @@ def _empty_diagram(request: Request, section: str, keep: int, stops: tuple[str, 
     )
 
 
-def _fill(table: dict[str, NDArray[Any]], section: str, at: int, seen: Any, coordinate: int) -> None:
+def _fill(table: dict[str, NDArray[Any]], section: str, at: int, samples: Any, coordinate: int) -> None:
     if section == "impact":
-        points = {"velocity": seen.impact_velocity, "phase": seen.impact_phase}
+        points = {"velocity": samples.impact_velocity, "phase": samples.impact_phase}
         if "stop" in table:
-            points["stop"] = seen.impact_stop
+            points["stop"] = samples.impact_stop
     else:
-        points = {"displacement": seen.look_displacement, "velocity": seen.look_velocity}
-        if seen.look_displacement.ndim > 1:
+        points = {"displacement": samples.look_displacement, "velocity": samples.look_velocity}
+        if samples.look_displacement.ndim > 1:
             points = {name: values[:, coordinate] for name, values in points.items()}
     for name, column in points.items():
         table[name][at, : len(column)] = column
     table["count"][at] = len(column)
-    table["status"][at] = seen.status
+    table["status"][at] = samples.status

@@ -7,6 +7,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from itertools import chain
 from pathlib import Path
@@ -61,11 +62,11 @@ class Family:
 
     def at(self, **values: float) -> Any:
         """Return the oscillator or system that the function makes of its parameters, some of them changed."""
-        given = self.values | self._checked(values)
+        arguments = self.values | self._checked(values)
         try:
-            model = self.function(**given)
+            model = self.function(**arguments)
         except Exception as error:
-            where = ", ".join(f"{name}={value:g}" for name, value in given.items())
+            where = ", ".join(f"{name}={value:g}" for name, value in arguments.items())
             clear = isinstance(error, (ValueError, ArithmeticError, ImportError))  # by their text alone
             words = error if clear else f"{type(error).__name__}: {error}"
             raise ValueError(f"{self} fails at {where}: {words}{self._place(error)}") from error
@@ -104,8 +105,6 @@ def _of_one_kind(designs: Iterable[Any], kind: str) -> Iterator[Any]:
 
 
 def _named(module: str, name: str, values: dict[str, float]) -> Family:
-    from importlib import import_module
-
     family: Family = getattr(import_module(module), name)
     return family.replace(**values)
 
@@ -219,9 +218,9 @@ def load_model(place: Any) -> Model:
 def _model_in(module: Any, name: str, place: Any) -> Model:
     """Return the model of that name in a module, once it has been made at its own values."""
     models = {key: value for key, value in vars(module).items() if is_model(value)}
-    wanted = vars(module).get(name)
+    candidate = vars(module).get(name)
     if name not in models:
-        code = getattr(wanted, "__code__", None)
+        code = getattr(candidate, "__code__", None)
         if code is not None:
             line = f"{Path(code.co_filename).name}, line {code.co_firstlineno}"
             raise ValueError(f"`model` {place!r} is a function; write @vibroimpact.family above it ({line})")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from vibroimpact.parameters import Parameter, invalid
@@ -81,12 +80,11 @@ def check_size(size: Any) -> tuple[float, float]:
     Traceback (most recent call last):
     ValueError: `size` must be a width and a height, each 0.5 to 100 inches, got (8, 0); (8, 5) is usual
     """
-    allowed = "a width and a height, each {:g} to {:g} inches".format(*INCHES)
-    if not isinstance(size, Sequence) or len(size) != 2:
-        raise invalid("size", size, allowed, "(8, 5) is usual")
+    side = Parameter("size", "", low=INCHES[0], high=INCHES[1])
     try:
-        width, height = (Parameter("size", "", low=INCHES[0], high=INCHES[1]).check(side) for side in size)
-    except ValueError:
+        width, height = map(side.check, size)
+    except (TypeError, ValueError):
+        allowed = "a width and a height, each {:g} to {:g} inches".format(*INCHES)
         raise invalid("size", size, allowed, "(8, 5) is usual") from None
     return width, height
 

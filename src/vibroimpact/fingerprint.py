@@ -31,11 +31,11 @@ def _parts(value: Any, above: tuple[Any, ...]) -> Iterator[Any]:
         for constant in value.co_consts:
             yield from _parts(constant, above)
     elif isinstance(value, FunctionType) and value not in above:
-        inside, kept = value.__code__, (*above, value)
+        inside, within = value.__code__, (*above, value)
         cells = [cell.cell_contents for cell in value.__closure__ or ()]
         uses = [value.__globals__[name] for name in _names(inside) if name in value.__globals__]
         for part in (inside, *(value.__defaults__ or ()), *cells, *uses):
-            yield from _parts(part, kept)
+            yield from _parts(part, within)
     elif isinstance(value, (tuple, list)):
         for part in value:
             yield from _parts(part, above)

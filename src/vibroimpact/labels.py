@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vibroimpact.cells import BEYOND
 from vibroimpact.dataset import dataset_of, impact_speed, plain_variable, status_variable, variable
 from vibroimpact.model.elements import REPORTS, Element
 
@@ -15,78 +15,78 @@ if TYPE_CHECKING:
 
     from vibroimpact.model.system import ImpactSystem
 
-Seconds = Callable[[Any, Any], Any]  # of whole driving periods and phases
+
+def in_seconds(model: Any, periods: Any, phase: Any) -> Any:
+    """Return times in s from whole driving periods and phases."""
+    return (periods + phase) * model.period
 
 
-def in_seconds(osc: Any) -> Seconds:
-    """Return the function that makes seconds of a model's driving periods and phases."""
-    period = osc.period
-    return lambda periods, phase: (periods + phase) * period
-
-
-def trajectory_of(seen: Any, seconds: Seconds, model: Any) -> dict[str, xr.Variable]:
+def trajectory_of(samples: Any, model: Any) -> dict[str, xr.Variable]:
     """Return the variables of `simulate` but its status: coordinates and clearances over time, impacts and rests."""
-    dims, impact_times = ("time", "coordinate")[: seen.look_displacement.ndim], (seen.impact_periods, seen.impact_phase)
+    dims = ("time", "coordinate")[: samples.look_displacement.ndim]
     motion = {
-        "time": variable("time", "time", seconds(seen.look_periods, seen.look_phase)),
-        "displacement": variable("displacement", dims, seen.look_displacement),
-        "velocity": variable("velocity", dims, seen.look_velocity),
+        "time": variable("time", "time", in_seconds(model, samples.look_periods, samples.look_phase)),
+        "displacement": variable("displacement", dims, samples.look_displacement),
+        "velocity": variable("velocity", dims, samples.look_velocity),
     }
     impacts = {
-        "impact_time": variable("impact_time", "impact", seconds(*impact_times)),
-        "impact_velocity": variable("impact_velocity", "impact", seen.impact_velocity),
+        "impact_time": variable(
+            "impact_time", "impact", in_seconds(model, samples.impact_periods, samples.impact_phase)
+        ),
+        "impact_velocity": variable("impact_velocity", "impact", samples.impact_velocity),
     }
-    if _is_plain(seen):
-        return motion | impacts | _rests(model, seen, seconds)
+    if _is_plain(samples):
+        return motion | impacts | _rests(model, samples)
+    clearances = _clearances(model, samples)
     stops = {
-        "clearance": variable("clearance", ("time", "stop"), _clearances(model, seen)),
-        **_forces(model, seen),
+        "clearance": variable("clearance", ("time", "stop"), clearances),
+        **_forces(model, samples, clearances),
         "stop": plain_variable("stop", np.array(model.stop_names, str), {"long_name": "stop"}),
     }
     contacts = {
-        "impact_stop": _stops(model, "impact", seen.impact_stop, "stop that is struck"),
-        **_contacts(model, seen),
+        "impact_stop": _stops(model, "impact", samples.impact_stop, "stop that is struck"),
+        **_contacts(model, samples),
     }
-    return motion | stops | impacts | contacts | _rests(model, seen, seconds)
+    return motion | stops | impacts | contacts | _rests(model, samples)
 
 
-def labelled_impacts(seen: Any, seconds: Seconds, attrs: dict[str, str], model: Any) -> xr.Dataset:
+def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str]) -> xr.Dataset:
     """Return the impacts that a window saw, as `impact_section` does: when, at which phase, which stop and how hard."""
-    found = {
-        "time": variable("time", "impact", seconds(seen.impact_periods, seen.impact_phase)),
-        "phase": variable("phase", "impact", seen.impact_phase),
-        "velocity": impact_speed("impact", seen.impact_velocity),
+    columns = {
+        "time": variable("time", "impact", in_seconds(model, samples.impact_periods, samples.impact_phase)),
+        "phase": variable("phase", "impact", samples.impact_phase),
+        "velocity": impact_speed("impact", samples.impact_velocity),
     }
-    if not _is_plain(seen):
+    if not _is_plain(samples):
         several = {"long_name": "whether other stops are struck at the same instant"}
-        found |= {
-            **_contacts(model, seen),
-            "stop": _stops(model, "impact", seen.impact_stop, "stop that is struck"),
-            "simultaneous": plain_variable("impact", seen.impact_simultaneous, several),
+        columns |= {
+            **_contacts(model, samples),
+            "stop": _stops(model, "impact", samples.impact_stop, "stop that is struck"),
+            "simultaneous": plain_variable("impact", samples.impact_simultaneous, several),
         }
-    status = {"status": status_variable((), seen.status)}
-    return dataset_of(found | _rests(model, seen, seconds) | status, attrs=attrs)
+    status = {"status": status_variable((), samples.status)}
+    return dataset_of(columns | _rests(model, samples) | status, attrs=attrs)
 
 
-def _is_plain(seen: Any) -> bool:
+def _is_plain(samples: Any) -> bool:
     """Return whether displacements are numbers, of one mass with one stop, neither of which needs a name."""
-    return bool(np.ndim(seen.look_displacement) == 1)
+    return bool(np.ndim(samples.look_displacement) == 1)
 
 
-def _contacts(system: ImpactSystem, seen: Any) -> dict[str, Any]:
+def _contacts(system: ImpactSystem, samples: Any) -> dict[str, Any]:
     """Return what is reported of every contact, by whatever kinds of stops there are."""
     names = dict.fromkeys([*Element.reports, *(name for stop in system.stops for name in stop.element.reports)])
-    return {name: variable(name, "impact", getattr(seen, REPORTS[name].field)) for name in names}
+    return {name: variable(name, "impact", getattr(samples, REPORTS[name].field)) for name in names}
 
 
-def _rests(model: Any, seen: Any, seconds: Seconds) -> dict[str, Any]:
-    found = {
-        "stick_time": variable("stick_time", "stick", seconds(*seen.rest_begin.T)),
-        "release_time": variable("release_time", "stick", seconds(*seen.rest_end.T)),
+def _rests(model: Any, samples: Any) -> dict[str, Any]:
+    times = {
+        "stick_time": variable("stick_time", "stick", in_seconds(model, *samples.rest_begin.T)),
+        "release_time": variable("release_time", "stick", in_seconds(model, *samples.rest_end.T)),
     }
-    if _is_plain(seen):
-        return found
-    return found | {"stick_stop": _stops(model, "stick", seen.rest_stop, "stop that is closed")}
+    if _is_plain(samples):
+        return times
+    return times | {"stick_stop": _stops(model, "stick", samples.rest_stop, "stop that is closed")}
 
 
 def _stops(system: ImpactSystem, dim: str, numbers: Any, long_name: str) -> Any:
@@ -94,21 +94,22 @@ def _stops(system: ImpactSystem, dim: str, numbers: Any, long_name: str) -> Any:
     return plain_variable(dim, names[numbers], {"long_name": long_name})
 
 
-def _forces(system: ImpactSystem, seen: Any) -> dict[str, Any]:
+def _forces(system: ImpactSystem, samples: Any, clearances: Any) -> dict[str, Any]:
     """Return the forces of all stops at the looks, NaN of those whose impacts take no time."""
     if all(stop.element.instantaneous for stop in system.stops):
         return {}
-    found, angle, clearances = [], 2.0 * np.pi * seen.look_phase, _clearances(system, seen)
+    forces, angle = [], 2.0 * np.pi * samples.look_phase
     for stop, clearance in zip(system.stops, clearances.T, strict=True):
-        rate = seen.look_velocity @ stop.direction - stop.speed(angle, system.omega)
-        found.append(stop.element.force(-clearance, rate))
-    return {"force": variable("force", ("time", "stop"), np.column_stack(found))}
+        rate = samples.look_velocity @ stop.direction - stop.speed(angle, system.omega)
+        forces.append(stop.element.force(-clearance, rate))
+    return {"force": variable("force", ("time", "stop"), np.column_stack(forces))}
 
 
-def _clearances(system: ImpactSystem, seen: Any) -> Any:
+def _clearances(system: ImpactSystem, samples: Any) -> Any:
     """Return the clearances of all stops at the looks; rounding beyond a stop is contact."""
-    angle = 2.0 * np.pi * seen.look_phase
-    found = np.empty((len(angle), len(system.stops)))
+    angle = 2.0 * np.pi * samples.look_phase
+    clearances = np.empty((len(angle), len(system.stops)))
     for at, stop in enumerate(system.stops):
-        found[:, at] = stop.gap + stop.shift(angle) - seen.look_displacement @ stop.direction
-    return np.where((found < 0.0) & (found > -1e-12 * np.abs(seen.look_displacement).max(initial=1e-300)), 0.0, found)
+        clearances[:, at] = stop.gap + stop.shift(angle) - samples.look_displacement @ stop.direction
+    rounding = BEYOND * np.abs(samples.look_displacement).max(initial=1e-300)
+    return np.where((clearances < 0.0) & (clearances > -rounding), 0.0, clearances)

@@ -14,7 +14,7 @@ from vibroimpact.cells import Floats
 from vibroimpact.parameters import SMALLEST, invalid, radians
 
 KEPT = 256  # sets of matrices whose checks and modes are remembered
-COORDINATES = 128  # at most: a bar of finite elements, its waves told apart
+COORDINATES = 128  # at most: a bar of finite elements, its waves resolved
 ROUNDING = 16.0 * np.finfo(np.float64).eps  # per coordinate: what eigenvalues and products of matrices are off by
 
 
@@ -26,29 +26,29 @@ def numbers(name: str, value: Any, dims: int, kind: type = np.float64) -> NDArra
     ValueError
         It holds text or truth values, has other dimensions, or an entry, which is named, is not finite or above 1e60.
     """
-    found: NDArray[Any]
+    array: NDArray[Any]
     if type(value) is float and abs(value) <= 1.0 / SMALLEST:
-        found = np.array(value, dtype=kind, ndmin=dims)  # as families have them by the thousands
-        found.setflags(write=False)
-        return found
+        array = np.array(value, dtype=kind, ndmin=dims)  # as families have them by the thousands
+        array.setflags(write=False)
+        return array
     what = ("a number", "a list of numbers", "an array of rows of numbers")[dims]
     try:
-        given = np.asarray(value)
-        mixed = given.dtype.kind == "O" and not any(isinstance(entry, (str, bytes, bool)) for entry in given.flat)
-        if not (given.dtype.kind in "iuf" or mixed or (given.dtype.kind == "c" and kind is np.complex128)):
+        entries = np.asarray(value)
+        mixed = entries.dtype.kind == "O" and not any(isinstance(entry, (str, bytes, bool)) for entry in entries.flat)
+        if not (entries.dtype.kind in "iuf" or mixed or (entries.dtype.kind == "c" and kind is np.complex128)):
             raise TypeError
-        found = np.array(given, dtype=kind, ndmin=dims)
+        array = np.array(entries, dtype=kind, ndmin=dims)
     except (TypeError, ValueError, OverflowError):
         raise invalid(name, value, what, "all of its rows of one length, without text") from None
-    if given.ndim not in (0, dims) or not found.size:
-        raise ValueError(f"`{name}` must be {what}, got an array of shape {given.shape}")
-    size = np.maximum(np.abs(found.real), np.abs(found.imag))
+    if entries.ndim not in (0, dims) or not array.size:
+        raise ValueError(f"`{name}` must be {what}, got an array of shape {entries.shape}")
+    size = np.maximum(np.abs(array.real), np.abs(array.imag))
     if not (size <= 1.0 / SMALLEST).all():
         at = tuple(np.argwhere(~(size <= 1.0 / SMALLEST))[0].tolist())
         entry = f"{name}[{', '.join(map(str, at))}]" if at else name
-        raise invalid(entry, found[at].item(), f"a finite number of a size up to {1.0 / SMALLEST:g}")
-    found.setflags(write=False)
-    return found
+        raise invalid(entry, array[at].item(), f"a finite number of a size up to {1.0 / SMALLEST:g}")
+    array.setflags(write=False)
+    return array
 
 
 def matrices(mass: Any, damping: Any, stiffness: Any) -> dict[str, Floats]:
@@ -57,11 +57,11 @@ def matrices(mass: Any, damping: Any, stiffness: Any) -> dict[str, Floats]:
     return dict(_remembered(*keys)) if None not in keys else _matrices(mass, damping, stiffness)
 
 
-def _key(given: Any) -> tuple[tuple[int, ...], bytes] | None:
+def _key(matrix: Any) -> tuple[tuple[int, ...], bytes] | None:
     """Return the key of numbers, if they are a float or an array of such."""
-    if type(given) is float:
-        return (), struct.pack("d", given)
-    return (given.shape, given.tobytes()) if type(given) is np.ndarray and given.dtype == np.float64 else None
+    if type(matrix) is float:
+        return (), struct.pack("d", matrix)
+    return (matrix.shape, matrix.tobytes()) if type(matrix) is np.ndarray and matrix.dtype == np.float64 else None
 
 
 @lru_cache(KEPT)
@@ -70,18 +70,18 @@ def _remembered(*keys: Any) -> dict[str, Floats]:
 
 
 def _matrices(mass: Any, damping: Any, stiffness: Any) -> dict[str, Floats]:
-    found = {"mass": _square("mass", mass)}
-    n = len(found["mass"])
+    linear = {"mass": _square("mass", mass)}
+    n = len(linear["mass"])
     if n > COORDINATES:
         raise ValueError(f"`mass` must be at most {COORDINATES} x {COORDINATES}, got an array of shape {(n, n)}")
-    for name, given in {"damping": damping, "stiffness": stiffness}.items():
-        matrix = _square(name, given)
-        if n > 1 and np.ndim(given) == 0 and not matrix.any():
+    for name, values in {"damping": damping, "stiffness": stiffness}.items():
+        matrix = _square(name, values)
+        if n > 1 and np.ndim(values) == 0 and not matrix.any():
             matrix = np.zeros((n, n))
         if len(matrix) != n:
-            raise ValueError(f"`{name}` must be {n} x {n}, as `mass` is, got an array of shape {np.shape(given)}")
-        found[name] = matrix
-    return dict(_checked(n, *(found[name].tobytes() for name in ("mass", "damping", "stiffness"))))
+            raise ValueError(f"`{name}` must be {n} x {n}, as `mass` is, got an array of shape {np.shape(values)}")
+        linear[name] = matrix
+    return dict(_checked(n, *(linear[name].tobytes() for name in ("mass", "damping", "stiffness"))))
 
 
 @lru_cache(KEPT)
@@ -90,10 +90,10 @@ def _checked(n: int, *entries: bytes) -> dict[str, Floats]:
     mass, damping, stiffness = (np.frombuffer(part).reshape(n, n) for part in entries)
     mass, stiffness = _checked_symmetric("mass", mass), _checked_symmetric("stiffness", stiffness)
     _check_mass(mass)
-    for name, matrix in {"stiffness": stiffness, "damping": 0.5 * (damping + damping.T)}.items():
+    for name, matrix in {"stiffness": stiffness, "damping": symmetric(damping)}.items():
         _check_semidefinite(name, matrix, mass)
-    found = {"mass": mass, "damping": damping, "stiffness": stiffness}
-    return {name: np.frombuffer(matrix.tobytes()).reshape(n, n) for name, matrix in found.items()}
+    linear = {"mass": mass, "damping": damping, "stiffness": stiffness}
+    return {name: np.frombuffer(matrix.tobytes()).reshape(n, n) for name, matrix in linear.items()}
 
 
 def table_of_modes(frequencies: Any, damping_ratios: Any, shapes: Any) -> tuple[Floats, Floats, Floats]:
@@ -112,8 +112,8 @@ def table_of_modes(frequencies: Any, damping_ratios: Any, shapes: Any) -> tuple[
     return radians(natural), ratios, table
 
 
-def _square(name: str, given: Any) -> Floats:
-    matrix: Floats = numbers(name, given, 2)
+def _square(name: str, values: Any) -> Floats:
+    matrix: Floats = numbers(name, values, 2)
     if matrix.shape[0] != matrix.shape[1]:
         raise ValueError(f"`{name}` must be a square array, got one of shape {matrix.shape}")
     return matrix
@@ -128,8 +128,7 @@ def _checked_symmetric(name: str, matrix: Floats) -> Floats:
             f"`{name}` must be symmetric, but `{name}[{i}, {j}]` is {matrix[i, j]:.17g} and `{name}[{j}, {i}]` is "
             f"{matrix[j, i]:.17g}"
         )
-    found: Floats = 0.5 * (matrix + matrix.T)
-    return found
+    return symmetric(matrix)
 
 
 def _check_mass(mass: Floats) -> None:
@@ -190,7 +189,7 @@ def _modes_of_one(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
     units = [int(np.frexp(np.abs(matrix).max())[1]) for matrix in (mass, stiffness)]  # powers of two keep the bits
     lower = np.linalg.cholesky(np.ldexp(mass, -units[0]))
     half = np.linalg.solve(lower, np.ldexp(stiffness, -units[1]))
-    values, vectors = np.linalg.eigh(_symmetric(np.linalg.solve(lower, half.T)))
+    values, vectors = np.linalg.eigh(symmetric(np.linalg.solve(lower, half.T)))
     values[np.abs(values) <= n * ROUNDING * np.abs(values).max()] = 0.0
     return scaled(np.linalg.solve(lower.T, vectors)), np.ldexp(values, units[1] - units[0])
 
@@ -199,25 +198,26 @@ def scaled(shapes: Floats) -> Floats:
     """Return columns of which the largest entry, the first of those that are equal, is 1."""
     size = np.abs(shapes)
     largest = np.argmax(size >= (1.0 - 1e-9) * size.max(axis=0), axis=0)
-    found: Floats = shapes / shapes[largest, np.arange(shapes.shape[1])]
-    return found
+    columns: Floats = shapes / shapes[largest, np.arange(shapes.shape[1])]
+    return columns
 
 
 def closed(columns: Floats, *maps: Floats) -> Floats:
     """Return an orthonormal basis of the least space that holds columns of size 1 and is closed under maps."""
     sized = [matrix / (np.abs(matrix).max() or 1.0) for matrix in maps]
-    new, found = columns, np.zeros((len(columns), 0))
+    new, basis = columns, np.zeros((len(columns), 0))
     while new.size:
-        left, sizes, _ = np.linalg.svd(new - found @ (found.T @ new), full_matrices=False)
+        left, sizes, _ = np.linalg.svd(new - basis @ (basis.T @ new), full_matrices=False)
         new = left[:, sizes > 1e-10]
-        found = np.hstack([found, new])
+        basis = np.hstack([basis, new])
         new = np.hstack([matrix @ new for matrix in sized])
-    return found
+    return basis
 
 
-def _symmetric(matrix: Floats) -> Floats:
-    found: Floats = 0.5 * (matrix + matrix.T)
-    return found
+def symmetric(matrix: Floats) -> Floats:
+    """Return the symmetric part of a matrix."""
+    part: Floats = 0.5 * (matrix + matrix.T)
+    return part
 
 
 def nearest(mass: Floats, directions: Floats, bounds: Floats) -> Floats | None:

@@ -51,11 +51,11 @@ class Tolerances:
     steps_per_impact: int = 1000
 
     @classmethod
-    def of(cls, given: Tolerances | None) -> Tolerances:
+    def of(cls, tolerances: Tolerances | None) -> Tolerances:
         """Return the tolerances given; None stands for the usual ones."""
-        if given is not None and not isinstance(given, cls):
-            raise invalid("tolerances", given, "Tolerances(...) or None")
-        return given or cls()
+        if tolerances is not None and not isinstance(tolerances, cls):
+            raise invalid("tolerances", tolerances, "Tolerances(...) or None")
+        return tolerances or cls()
 
     def __post_init__(self) -> None:
         allowed = "above 0 and up to 0.01"

@@ -71,7 +71,7 @@ def _bar() -> Progress:
 
 
 SECONDS = 5.0  # between plain lines about work of unknown length
-PULSE = 0.5  # s of silence on a terminal, after which it is told what one waits for
+PULSE = 0.5  # s of silence on a terminal, after which it shows what one waits for
 SWITCH = 1e-4  # s, after which cells computed in Python give way to the thread that ends a stopped sweep
 
 
@@ -79,7 +79,7 @@ class Meter:
     """The callable that a command's computation reports to, within a `with` block.
 
     `keeps` says whether finished work is kept after an interruption, `patience` how many seconds at most a stopped
-    sweep waits for running cells. `settle` completes what is being written to a store before the process ends at once;
+    sweep waits for running cells. `finish` completes what is being written to a store before the process ends at once;
     `opening` prints what comes before the first report, or at the end of a sweep that reported nothing.
     """
 
@@ -89,23 +89,23 @@ class Meter:
         *,
         keeps: bool = True,
         patience: float | None = None,
-        settle: Callable[[], None] | None = None,
+        finish: Callable[[], None] | None = None,
         opening: Callable[[], None] | None = None,
     ) -> None:
-        self.label, self.keeps, self.patience, self.settle = label, keeps, patience, settle
-        self._told = compiling.told_first(opening or (lambda: None))
+        self.label, self.keeps, self.patience, self.finish = label, keeps, patience, finish
+        self._opening = compiling.before_compiling(opening or (lambda: None))
         self.stopped = False  # a sweep reads it between two reports, too
         self._bar: Progress | None = None
         self._shown = 0.0
-        self._before: Any = None
+        self._previous_handler: Any = None
         self._end: SimpleQueue[bool] = SimpleQueue()  # a signal may break into anything but its `put`
 
     def __enter__(self) -> Self:
         self._began, self._computed = perf_counter(), compiling.clock()
-        self._open = self._told.__enter__()
+        self._open = self._opening.__enter__()
         if threading.current_thread() is threading.main_thread():
             threading.Thread(target=self._end_at_once, daemon=True).start()
-            self._before = signal.signal(signal.SIGINT, self._stop)
+            self._previous_handler = signal.signal(signal.SIGINT, self._stop)
         if sys.stderr.isatty():
             self._bar = _bar()
             self._task = self._bar.add_task(self.label, total=None, detail="")
@@ -115,10 +115,10 @@ class Meter:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         if self._bar is not None:
             self._bar.stop()
-        if self._before is not None:
-            signal.signal(signal.SIGINT, self._before)
+        if self._previous_handler is not None:
+            signal.signal(signal.SIGINT, self._previous_handler)
             self._end.put(False)
-        self._told.__exit__(kind, error, at)  # if nothing was left to report
+        self._opening.__exit__(kind, error, at)  # if nothing was left to report
         self.seconds = perf_counter() - self._began
 
     def __call__(self, done: int, total: int | None, partial: Any) -> bool:
@@ -156,9 +156,9 @@ class Meter:
     def _end_at_once(self) -> None:
         """Wait, in a thread of its own, for the second Ctrl-C; then end the process."""
         if self._end.get():
-            if self.settle is not None:
-                self.settle()
-            kept = "finished tiles are kept" if self.settle else "nothing was kept"
+            if self.finish is not None:
+                self.finish()
+            kept = "finished tiles are kept" if self.finish else "nothing was kept"
             os.write(2, f"\nvibroimpact: stopped at once, {kept}\n".encode())
             os._exit(130)
 
@@ -179,17 +179,17 @@ class Pulse:
 
     def __enter__(self) -> Self:
         Pulse.latest = self
-        sys.stdout, sys.stderr = (cast("TextIO", _Heard(stream, self)) for stream in self._streams)
+        sys.stdout, sys.stderr = (cast("TextIO", _Watched(stream, self)) for stream in self._streams)
         threading.Thread(target=self._run, daemon=True).start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._ended.set()
-        self.heard()
+        self.make_way()
         sys.stdout, sys.stderr = self._streams
 
-    def heard(self, text: str = "") -> None:
-        """Make way for what is written next."""
+    def make_way(self, text: str = "") -> None:
+        """Take the line away, as a text is written."""
         with self._lock:
             self._write("")
             self._silent, self.waits_for = perf_counter(), "computing" if text.endswith(("\n", "\r")) else ""
@@ -215,14 +215,14 @@ def wait_for_others() -> None:
         Pulse.latest.waits_for = ""
 
 
-class _Heard:
+class _Watched:
     """A stream of the terminal, as it is but for the pulse that makes way for what is written."""
 
     def __init__(self, stream: TextIO, pulse: Pulse) -> None:
         self._stream, self._pulse = stream, pulse
 
     def write(self, text: str) -> int:
-        self._pulse.heard(text)
+        self._pulse.make_way(text)
         return self._stream.write(text)
 
     def __getattr__(self, name: str) -> Any:

@@ -54,7 +54,7 @@ class Request:
     further: Mapping[str, Any] = field(default_factory=dict)  # what else decides the result: how a map is refined
 
     @property
-    def several(self) -> int:
+    def n_starts(self) -> int:
         """Number of initial conditions along the dim `start`; 0 where there is no such dim."""
         return len(self.start) if isinstance(self.start, tuple) else self.start if isinstance(self.start, int) else 0
 
@@ -64,7 +64,7 @@ class Request:
         sizes = {name: len(values) for name, values in self.axes.items()}
         if self.scattered:
             sizes = {"point": next(iter(sizes.values()))}
-        return sizes | ({"start": self.several} if self.several else {})
+        return sizes | ({"start": self.n_starts} if self.n_starts else {})
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -86,13 +86,13 @@ class Request:
 
     @cached_property
     def stops(self) -> tuple[str, ...]:
-        """Names of the stops by which indices are told apart; none if they speak of all together."""
+        """Names of the stops by which indices are given; none if they are those of all stops together."""
         return tuple(self.model.at().stop_names) if self.measurement.by_stop else ()
 
     def sizes_of(self, name: str) -> dict[str, int]:
         """Numbers along each dimension of a result."""
-        apart = self.measurement.by_stop and name in EVERY and EVERY[name].by_stop
-        return self.sizes | ({"stop": len(self.stops)} if apart else {})
+        by_stop = self.measurement.by_stop and name in EVERY and EVERY[name].by_stop
+        return self.sizes | ({"stop": len(self.stops)} if by_stop else {})
 
     @property
     def cell_size(self) -> int:
@@ -103,21 +103,21 @@ class Request:
         """Return the labelled axes of a result."""
         labels = {name: label(self.model.parameters[name]) for name in self.axes}
         dims = dict.fromkeys(self.axes, "point") if self.scattered else {name: name for name in self.axes}
-        found = {name: plain_variable(dims[name], values, labels[name]) for name, values in self.axes.items()}
-        if self.several:
+        variables = {name: plain_variable(dims[name], values, labels[name]) for name, values in self.axes.items()}
+        if self.n_starts:
             attrs = {"long_name": "number of the initial condition", "units": "1", "symbol": "start"}
-            found["start"] = plain_variable("start", np.arange(self.several), attrs)
+            variables["start"] = plain_variable("start", np.arange(self.n_starts), attrs)
         if self.stops:
-            found["stop"] = plain_variable("stop", np.array(self.stops), {"long_name": "stop"})
-        return found
+            variables["stop"] = plain_variable("stop", np.array(self.stops), {"long_name": "stop"})
+        return variables
 
     def cells(self, at: slice | Places = slice(None)) -> Cells:
         """Return the cells at some flat indices: the same bits whichever others are asked for beside them."""
         flat = np.arange(*at.indices(len(self))) if isinstance(at, slice) else at
         if not isinstance(self.start, (tuple, int)):
             return self._designs_at(flat).begun(self.start)
-        designs, owner = np.unique(flat // self.several, return_inverse=True)
-        cells, numbers = self._designs_at(designs)[owner], flat % self.several
+        designs, owner = np.unique(flat // self.n_starts, return_inverse=True)
+        cells, numbers = self._designs_at(designs)[owner], flat % self.n_starts
         if isinstance(self.start, int):
             struck = numbers > 0
             cells.table[struck] = cells[struck].struck(numbers[struck] - 1).table
@@ -189,7 +189,7 @@ class Request:
 
     def _start(self) -> str:
         if isinstance(self.start, int):
-            return f"at rest; {self.several - 1} impacts at phases 0 to 1, velocities 0 to {FASTEST:g} V"
+            return f"at rest; {self.n_starts - 1} impacts at phases 0 to 1, velocities 0 to {FASTEST:g} V"
         starts = self.start if isinstance(self.start, tuple) else (self.start,)
         return "; ".join("at rest" if start is None else str(start) for start in starts)
 
@@ -227,22 +227,22 @@ class Request:
 
 def map_of(request: Request, arrays: Mapping[str, NDArray[Any]]) -> xr.Dataset:
     """Return a map of the arrays of its indices and status, which it shares."""
-    found = {name: variable(name, tuple(request.sizes_of(name)), arrays[name]) for name in request.indices}
-    found["status"] = status_variable(request.dims, arrays["status"])
+    variables = {name: variable(name, tuple(request.sizes_of(name)), arrays[name]) for name in request.indices}
+    variables["status"] = status_variable(request.dims, arrays["status"])
     counts = {"impacts_computed": 0, "steps_computed": 0}
-    return dataset_of(found, request.coordinates(), attrs=counts | request.provenance("parameter_map"))
+    return dataset_of(variables, request.coordinates(), attrs=counts | request.provenance("parameter_map"))
 
 
 def check_axes(axes: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> dict[str, Floats]:
     """Return the axes of a grid as arrays in the order given, or raise `ValueError` naming the first that is wrong."""
     _check_varied(axes, parameters)
-    found = {name: _values(values, parameters[name]) for name, values in axes.items()}
-    for name, values in found.items():
+    checked = {name: _values(values, parameters[name]) for name, values in axes.items()}
+    for name, values in checked.items():
         falls = np.flatnonzero(np.diff(values) <= 0.0)
         if falls.size:
             low, high = values[falls[0]], values[falls[0] + 1]
             raise ValueError(f"`{name}` must increase strictly, but goes from {low:g} to {high:g}; sort its values")
-    return found
+    return checked
 
 
 def check_points(points: Any, model: Model) -> dict[str, Floats]:
@@ -256,11 +256,11 @@ def check_points(points: Any, model: Model) -> dict[str, Floats]:
     if not columns:
         raise invalid("points", points, "a table with at least one column")
     _check_varied(columns, model.parameters)
-    found = {name: _values(values, model.parameters[name]) for name, values in columns.items()}
-    if len({len(values) for values in found.values()}) > 1:
-        lengths = ", ".join(f"{name} has {len(values)}" for name, values in found.items())
+    checked = {name: _values(values, model.parameters[name]) for name, values in columns.items()}
+    if len({len(values) for values in checked.values()}) > 1:
+        lengths = ", ".join(f"{name} has {len(values)}" for name, values in checked.items())
         raise ValueError(f"`points` must have columns of one length, but {lengths}")
-    return found
+    return checked
 
 
 def check_start(start: Any) -> State | tuple[State | None, ...] | int | None:
@@ -281,23 +281,23 @@ def _check_varied(names: Mapping[str, Any], parameters: Mapping[str, Parameter])
             raise ValueError(f"give either `{other}` or `{name}`, not both")
 
 
-def _values(given: Any, parameter: Parameter) -> Floats:
-    values = _numbers(given)
+def _values(entries: Any, parameter: Parameter) -> Floats:
+    values = _numbers(entries)
     if values.ndim != 1 or values.size == 0:
         hint = f"write for example {parameter.name}=np.linspace(0.1, 5, 200)"
-        raise invalid(parameter.name, given, "a one-dimensional, non-empty list of numbers", hint)
+        raise invalid(parameter.name, entries, "a one-dimensional, non-empty list of numbers", hint)
     for value in (*values[~np.isfinite(values)][:1], values.min(), values.max()):  # ranges are intervals
         parameter.check(value.item())
     return values
 
 
-def _numbers(given: Any) -> Floats:
+def _numbers(entries: Any) -> Floats:
     """Return a list of numbers as an array of one dimension; one of two dimensions where it is none, text included."""
     none = np.empty((0, 0))
     try:
-        found = np.asarray(given)
-        listed = found.dtype.kind == "O" and not any(isinstance(value, (str, bytes, bool)) for value in found.flat)
-        return np.array(found, dtype=np.float64) if found.dtype.kind in "iuf" or listed or not found.size else none
+        array = np.asarray(entries)
+        listed = array.dtype.kind == "O" and not any(isinstance(value, (str, bytes, bool)) for value in array.flat)
+        return np.array(array, dtype=np.float64) if array.dtype.kind in "iuf" or listed or not array.size else none
     except (TypeError, ValueError, OverflowError):
         return none
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from vibroimpact.backends import Backend, ImpactWindow, Measurement, StroboscopicWindow, check_takes, get_backend
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, provenance, status_variable, variable
-from vibroimpact.labels import Seconds, in_seconds, labelled_impacts, trajectory_of
+from vibroimpact.labels import in_seconds, labelled_impacts, trajectory_of
 from vibroimpact.model import Model, State, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import STEPS, check_fits, counted, invalid, phase_number, positive_number, whole_number
@@ -41,22 +41,21 @@ class _Orbit:
         return get_backend(self.backend, time_step=self.time_step)
 
     @cached_property
-    def made(self) -> Any:
+    def design(self) -> Any:
         """The oscillator or the system that the model is."""
         check_model(self.model)
         return self.model.at()
 
-    def samples(self, window: ImpactWindow | StroboscopicWindow) -> tuple[Any, Seconds]:
-        """Return the samples that a window takes, and the function that makes seconds of periods and phases."""
-        osc = self.made
-        seconds = in_seconds(osc)
-        cells, engine = self.model.cells({}, one_start(self.start)), self.engine
-        check_takes(engine, osc)
-        self._check_cost(window, osc)
-        (seen,) = engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
-        return seen, seconds
+    def samples(self, window: ImpactWindow | StroboscopicWindow) -> Any:
+        """Return the samples that a window takes."""
+        design = self.design
+        cells = self.model.cells({}, one_start(self.start))
+        check_takes(self.engine, design)
+        self._check_cost(window)
+        (samples,) = self.engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
+        return samples
 
-    def _check_cost(self, window: ImpactWindow | StroboscopicWindow, osc: Any) -> None:
+    def _check_cost(self, window: ImpactWindow | StroboscopicWindow) -> None:
         """Refuse samples that memory cannot hold, and fixed steps without end."""
         rows = f"asks for {window.keep:.3g} rows, which take"
         if isinstance(window, ImpactWindow):
@@ -65,7 +64,7 @@ class _Orbit:
             name = "sample_periods" if window.per_period == 1 else "samples_per_period"
             periods = window.skip_periods + window.keep / window.per_period
         check_fits(name, rows, ROW * window.keep, "take fewer")
-        length = periods * osc.period
+        length = periods * self.design.period
         if self.time_step is not None and length > STEPS * self.time_step:
             hint = f"that is {length / self.time_step:.2g} steps"
             raise invalid("time_step", self.time_step, "longer, or the motion shorter", hint)
@@ -145,11 +144,11 @@ def simulate(
     density = whole_number("samples_per_period", samples_per_period, 1)
     skipped = whole_number("skip_periods", skip_periods, 0)
     window = StroboscopicWindow(skipped, int(np.floor(length * density + 1e-9)) + 1, None, density)
-    seen, seconds = orbit.samples(window)
-    found = trajectory_of(seen, seconds, orbit.made) | {"status": status_variable((), seen.status)}
-    coords = {"time": found.pop("time")}
-    asked = {"periods": length, "skip_periods": skipped, "samples_per_period": density}
-    motion = dataset_of(found, coords, orbit.provenance("simulate", **asked))
+    samples = orbit.samples(window)
+    variables = trajectory_of(samples, orbit.design) | {"status": status_variable((), samples.status)}
+    coords = {"time": variables.pop("time")}
+    arguments = {"periods": length, "skip_periods": skipped, "samples_per_period": density}
+    motion = dataset_of(variables, coords, orbit.provenance("simulate", **arguments))
     return _since(motion, motion["time"].values[:1]) if skipped else motion
 
 
@@ -181,18 +180,18 @@ def measure_orbit(
     The number of the first one of phase 0, on the stroboscopic section, comes third.
     """
     cell: Any = osc.cells({}, one_start(start))
-    of, engine = osc.at(), get_backend("cpu")
+    design, engine = osc.at(), get_backend("cpu")
     begin = float(cell.phases[0])
     first = math.ceil(begin * samples_per_period)
     first += first / samples_per_period < begin
     phase = (first % samples_per_period) / samples_per_period
-    asked = ImpactWindow(transient_impacts, sample_impacts)
+    impacts = ImpactWindow(transient_impacts, sample_impacts)
     window = StroboscopicWindow(0, periods * samples_per_period, phase, samples_per_period)
-    measure, record = Measurement(asked, tolerances, indices=indices), Measurement(window, patience)
-    measured, seen = engine.follow(cell, measure, record)
-    found = {name: float(measured[name][0]) for name in (*indices, "status")}
-    recorded = {name: values.values for name, values in trajectory_of(seen, in_seconds(of), of).items()}
-    return found, recorded | {"impact_phase": seen.impact_phase}, -first % samples_per_period
+    measure, record = Measurement(impacts, tolerances, indices=indices), Measurement(window, patience)
+    measured, samples = engine.follow(cell, measure, record)
+    numbers = {name: float(measured[name][0]) for name in (*indices, "status")}
+    recorded = {name: values.values for name, values in trajectory_of(samples, design).items()}
+    return numbers, recorded | {"impact_phase": samples.impact_phase}, -first % samples_per_period
 
 
 def impact_section(
@@ -244,9 +243,9 @@ def impact_section(
     orbit = _Orbit(osc, start, backend, time_step, tolerances)
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
-    seen, seconds = orbit.samples(window)
+    samples = orbit.samples(window)
     how = orbit.provenance("impact_section", transient_impacts=window.transient, sample_impacts=window.keep)
-    return labelled_impacts(seen, seconds, how, orbit.made)
+    return labelled_impacts(samples, orbit.design, how)
 
 
 def stroboscopic_section(
@@ -300,14 +299,14 @@ def stroboscopic_section(
     orbit = _Orbit(osc, start, backend, time_step, tolerances)
     sampling = Sampling(transient_periods=transient_periods, sample_periods=sample_periods)
     window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, phase_number("phase", phase))
-    seen, seconds = orbit.samples(window)
-    dims = ("period", "coordinate") if seen.look_displacement.ndim > 1 else "period"
+    samples = orbit.samples(window)
+    dims = ("period", "coordinate") if samples.look_displacement.ndim > 1 else "period"
     return dataset_of(
         {
-            "time": variable("time", "period", seconds(seen.look_periods, seen.look_phase)),
-            "displacement": variable("displacement", dims, seen.look_displacement),
-            "velocity": variable("velocity", dims, seen.look_velocity),
-            "status": status_variable((), seen.status),
+            "time": variable("time", "period", in_seconds(orbit.design, samples.look_periods, samples.look_phase)),
+            "displacement": variable("displacement", dims, samples.look_displacement),
+            "velocity": variable("velocity", dims, samples.look_velocity),
+            "status": status_variable((), samples.status),
         },
         attrs=orbit.provenance(
             "stroboscopic_section",
@@ -380,16 +379,16 @@ def impact_map(
             raise invalid("velocity", velocity, "finite and > 0")
         first = np.zeros(phases.size, np.int64)  # the only cell, and its only stop
         cells = design.cells({})[first].striking(first, velocities.ravel(), phases.ravel())
-        found = np.full((2, phases.size), np.nan)
-        for at, seen in enumerate(engine.samples(cells, measurement)):
+        images = np.full((2, phases.size), np.nan)
+        for at, samples in enumerate(engine.samples(cells, measurement)):
             # The impact to begin with is recorded itself, both its numbers to rounding, unless it is too weak.
-            begun = int(
-                len(seen.impact_phase) > 0
-                and math.isclose(seen.impact_periods[0] + seen.impact_phase[0], phases.flat[at], abs_tol=1e-12)
-                and math.isclose(seen.impact_velocity[0], velocities.flat[at], rel_tol=1e-12)
+            skipped = int(
+                len(samples.impact_phase) > 0
+                and math.isclose(samples.impact_periods[0] + samples.impact_phase[0], phases.flat[at], abs_tol=1e-12)
+                and math.isclose(samples.impact_velocity[0], velocities.flat[at], rel_tol=1e-12)
             )
-            if len(seen.impact_phase) > begun:
-                found[:, at] = seen.impact_phase[begun], seen.impact_velocity[begun]
-        return found[0].reshape(phases.shape), found[1].reshape(phases.shape)
+            if len(samples.impact_phase) > skipped:
+                images[:, at] = samples.impact_phase[skipped], samples.impact_velocity[skipped]
+        return images[0].reshape(phases.shape), images[1].reshape(phases.shape)
 
     return following

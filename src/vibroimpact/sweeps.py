@@ -159,13 +159,13 @@ def parameter_map(
         raise ValueError(f"give either `points` or the axes {', '.join(axes)}, not both")
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
-    closing = truth("early_closing", early_closing)
-    apart = truth("by_stop", by_stop)
-    measurement = Measurement(window, Tolerances.of(tolerances), closing, check_indices(indices), apart)
-    checked = check_axes(axes, osc.parameters) if points is None else check_points(points, osc)
-    request = Request(osc, checked, measurement, check_start(start), backend, time_step, scattered=points is not None)
+    early_closing, by_stop = truth("early_closing", early_closing), truth("by_stop", by_stop)
+    measurement = Measurement(window, Tolerances.of(tolerances), early_closing, check_indices(indices), by_stop)
+    varied = check_axes(axes, osc.parameters) if points is None else check_points(points, osc)
+    request = Request(osc, varied, measurement, check_start(start), backend, time_step, scattered=points is not None)
     check_takes(get_backend(backend, time_step=time_step, elsewhere=cluster is not None), osc.at())
-    _check_by_stop(request, refine)
+    if by_stop and refine is not None:
+        raise ValueError("`by_stop` does not go with `refine`; give one of the two")
     request.check_cost(STEPS if store is None and cluster is None else STEPS << 10)
     if refine is not None:
         from vibroimpact.refinement import refine_map
@@ -189,13 +189,6 @@ def parameter_map(
     hint = "write it to disk tile by tile, store='run.zarr' or --out run.zarr, or take fewer points"
     check_fits("axes", f"span {_spanned(request.shape)}, which take", len(request) * request.cell_size, hint)
     return _in_memory(request, cluster, workers, size, progress)
-
-
-def _check_by_stop(request: Request, refine: int | None) -> None:
-    if not request.measurement.by_stop:
-        return
-    if refine is not None:
-        raise ValueError("`by_stop` does not go with `refine`; give one of the two")
 
 
 def _in_memory(

@@ -48,7 +48,7 @@ FAMILIES: tuple[Callable[[], None], ...] = one_mass, maps_of_systems, motions_of
 
 def warm_up(report: Report) -> None:
     """Compile on this machine, on all its cores."""
-    known: set[bytes] = set()
+    submitted: set[bytes] = set()
     done, fresh = 0, multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(worker_count(None), fresh, _say_nothing) as processes:
         waiting: set[Future[Any]] = {processes.submit(family) for family in FAMILIES}
@@ -56,8 +56,8 @@ def warm_up(report: Report) -> None:
             ended, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for task in ended:
                 task.result()
-            done, new = done + len(ended), set(noted()) - known
-            known |= new
+            done, new = done + len(ended), set(noted()) - submitted
+            submitted |= new
             waiting |= {processes.submit(compile_part, part) for part in new}
             if report(done, done + len(waiting), None) is False:
                 processes.shutdown(cancel_futures=True)
@@ -78,7 +78,7 @@ def warm_up_cluster(cluster: Any, report: Report) -> None:
 
 
 def _say_nothing() -> None:
-    compiling.TOLD = np.inf
+    compiling.SILENT = np.inf
 
 
 def _warm_up_here() -> None:

@@ -14,7 +14,7 @@ from vibroimpact.cli import schema as o
 from vibroimpact.cli.endings import Interrupted, WrongRequest, refusing
 from vibroimpact.cli.options import Option, Options, with_options
 from vibroimpact.cli.study import Study, name_of, span_values, study_of
-from vibroimpact.compiling import told_first
+from vibroimpact.compiling import before_compiling
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def _motion(function: str, study: Study, options: Options) -> None:
         if options[shown] is not None and not output.is_figure(options["out"]):
             raise WrongRequest(f"`--{shown}` needs a figure; add for example --out figure.png")
     began = perf_counter()
-    with refusing(), told_first(study.announce):
+    with refusing(), before_compiling(study.announce):
         dataset = _call(function, study)
     output.hand_on(dataset, options, perf_counter() - began)
 
@@ -206,7 +206,7 @@ def _sweep(function: str, meter: Meter, study: Study, options: Options, **more: 
 
 def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed: bool) -> None:
     """Compute a map tile by tile into its store, or the rest of it."""
-    from vibroimpact.execution.layout import StoreBusy, settle
+    from vibroimpact.execution.layout import StoreBusy, finish_writing
     from vibroimpact.execution.threads import GRACE
 
     out, place = options["out"], files.place_for(options)
@@ -218,7 +218,7 @@ def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed
             files.announce(place)
 
     with (
-        Meter("map", patience=GRACE, settle=settle, opening=opening) as meter,
+        Meter("map", patience=GRACE, finish=finish_writing, opening=opening) as meter,
         files.replacing_store(place, out),
         refusing(StoreBusy),
     ):

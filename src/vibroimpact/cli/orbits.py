@@ -16,7 +16,7 @@ from vibroimpact.cli import schema as o
 from vibroimpact.cli.endings import Ended, WrongRequest, refusing
 from vibroimpact.cli.options import Options, numbers, with_options
 from vibroimpact.cli.study import Study, study_of
-from vibroimpact.compiling import told_first
+from vibroimpact.compiling import before_compiling
 from vibroimpact.parameters import counted
 from vibroimpact.progress import Meter
 
@@ -52,7 +52,7 @@ def orbit(options: Options) -> None:
     study = study_of(options)
     output.check_looks(options, (".json",))
     began = perf_counter()
-    with told_first(study.announce):
+    with before_compiling(study.announce):
         orbits = _find(study, options)
     out = options["out"]
     if out is not None and out.suffix.lower() == ".json":

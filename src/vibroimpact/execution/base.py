@@ -47,10 +47,10 @@ def cut(shape: tuple[int, ...], cells: int = CELLS) -> Tiling:
     (5, 820)
     """
     sides = [1] * len(shape)
-    left = float(cells)
+    remaining = float(cells)
     for waiting, axis in zip(range(len(shape), 0, -1), sorted(range(len(shape)), key=shape.__getitem__), strict=True):
-        sides[axis] = min(shape[axis], math.ceil(round(left ** (1.0 / waiting), 9)))
-        left = max(left / sides[axis], 1.0)
+        sides[axis] = min(shape[axis], math.ceil(round(remaining ** (1.0 / waiting), 9)))
+        remaining = max(remaining / sides[axis], 1.0)
     return Tiling(shape, tuple(sides))
 
 
@@ -65,18 +65,18 @@ class Gathered:
     """Pieces of parts, until a part is whole."""
 
     def __init__(self) -> None:
-        self._begun: dict[int, tuple[Outcome, NDArray[np.bool_]]] = {}
+        self._incomplete: dict[int, tuple[Outcome, NDArray[np.bool_]]] = {}
 
     def add(self, part: int, size: int, which: Places, outcome: Outcome) -> Outcome | None:
         """Add a piece of a part of `size` cells; return the part's results if it is whole now."""
-        if part not in self._begun:
+        if part not in self._incomplete:
             results = {name: np.empty((size, *values.shape[1:]), values.dtype) for name, values in outcome.items()}
-            self._begun[part] = results, np.zeros(size, bool)
-        results, ended = self._begun[part]
+            self._incomplete[part] = results, np.zeros(size, bool)
+        results, ended = self._incomplete[part]
         for name, values in outcome.items():
             results[name][which] = values
         ended[which] = True
-        return self._begun.pop(part)[0] if ended.all() else None
+        return self._incomplete.pop(part)[0] if ended.all() else None
 
 
 class Place(Protocol):

@@ -86,7 +86,8 @@ class Cluster:
             del futures  # workers forget results that no future stands for
             try:
                 while waiting:
-                    _check_scheduler(client)
+                    if client.status not in ("running", "connecting"):
+                        raise _lost_scheduler()
                     stopped, ready = stop.is_set(), finished.next_batch(block=False)
                     for future, result in ready:
                         number, _ = waiting.pop(future.key)
@@ -193,11 +194,6 @@ def _checked(future: Any, result: Any) -> Any:
             "workers more memory or time, or a new sweep a smaller `tile`, and run the same again"
         ) from error
     raise error.with_traceback(trace)
-
-
-def _check_scheduler(client: Client) -> None:
-    if client.status not in ("running", "connecting"):
-        raise _lost_scheduler()
 
 
 def _lost_scheduler() -> ConnectionError:

@@ -50,7 +50,7 @@ SPARE = 4096  # batches of a refined map, at most: each leaves a tile of the lis
 DONE, MICROSECONDS, IMPACTS, STEPS, FIRST_STATUS = range(5)
 COLUMNS = FIRST_STATUS + len(Status)
 ROWS = 64  # records in a chunk
-SETTLING = 5.0  # seconds for which a process about to end waits for the tile that it is writing
+FINISHING = 5.0  # seconds for which a process about to end waits for the tile that it is writing
 NEEDED = "cells_needed"  # an attribute of the records of a refined map: how many cells it is known to need
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -112,14 +112,14 @@ def create(folder: Path, request: Request, identity: dict[str, Any], cells: int)
 
 def tiling_of(request: Request, cells: int) -> Tiling:
     """Return the tiles of a grid, or of the lists of a refined map."""
-    if not refined(request.further):
+    if not is_refined(request.further):
         return cut(request.shape, cells)
     return Tiling(((len(request) // cells + SPARE) * cells,), (cells,))
 
 
-def refined(how: Mapping[str, Any]) -> bool:
+def is_refined(arguments: Mapping[str, Any]) -> bool:
     """Whether a request, by its further arguments or its identity, is that of a refined map."""
-    return "refine" in how
+    return "refine" in arguments
 
 
 def _check_room(request: Request, tiling: Tiling) -> None:
@@ -146,7 +146,7 @@ def lay_out(place: GuardedStore, request: Request, identity: dict[str, Any], til
             _array(root, name, axis, axis.shape, axis.shape, fill)[:] = axis.values
     root.create_group(PROGRESS)
     chunks = tiling.tile
-    if refined(request.further):
+    if is_refined(request.further):
         chunks = cut(request.shape, PICTURE).tile
         _array(root, "level", _label("level", request.dims), request.shape, chunks)
         root.create_group(LIST)
@@ -192,9 +192,9 @@ def _label(name: str, dims: tuple[str, ...]) -> xr.Variable:
 # ---- writing tiles
 
 
-def settle() -> None:
+def finish_writing() -> None:
     """Wait until the tile that this process is writing is whole, and write no more: the process is about to end."""
-    _writing.acquire(timeout=SETTLING)
+    _writing.acquire(timeout=FINISHING)
 
 
 class TileWriter:

@@ -31,9 +31,9 @@ def computing(cluster: Client | str | None, workers: int | None) -> Iterator[Pla
 
 def check_place(request: Request, workers: int | None, cluster: Client | str | None, tile: int | None) -> None:
     """Refuse what cannot compute a request, before anything is computed or started."""
-    for name, given in (("workers", workers), ("tile", tile)):
-        if given is not None:
-            whole_number(name, given, 1)
+    for name, value in (("workers", workers), ("tile", tile)):
+        if value is not None:
+            whole_number(name, value, 1)
     if cluster is not None:
         from vibroimpact.execution.cluster import check_cluster
 

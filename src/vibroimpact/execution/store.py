@@ -35,10 +35,10 @@ from vibroimpact.execution.layout import (
     StoreBusy,
     TileWriter,
     create,
+    is_refined,
     locked,
-    refined,
 )
-from vibroimpact.files import load_lazily, offered, sweep_up
+from vibroimpact.files import aside_hint, load_lazily, sweep_up
 from vibroimpact.files.formats import ORDER
 from vibroimpact.files.guard import DESCRIPTION, RECORDS, GuardedStore
 from vibroimpact.parameters import check_fits, invalid
@@ -57,34 +57,34 @@ class SweepStore:
         self.path = Path(path).absolute()  # the same store wherever the process goes
         if not self.path.exists():
             raise FileNotFoundError(
-                f"`store` {str(path)!r} does not exist; {offered(self.path) or 'check the spelling'}"
+                f"`store` {str(path)!r} does not exist; {aside_hint(self.path) or 'check the spelling'}"
             )
         try:
             self._files = GuardedStore(self.path)
             self._check_described("")
             self._root: Any = zarr.open_group(self._files, mode="r", zarr_format=3)
-            self._describe(self._root)
+            self._describe()
         except Exception as error:
             raise OSError(
                 f"`store` is {str(path)!r}, which is no stored sweep, or a damaged one ({_reason(error)}); restore "
                 "that file or delete the store, or choose another name"
             ) from error
 
-    def _describe(self, root: Any) -> None:
+    def _describe(self) -> None:
         """Take from the store what it holds; raise where that does not fit together."""
-        attrs = dict(root.attrs)
+        attrs = dict(self._root.attrs)
         self.identity: dict[str, Any] = json.loads(str(attrs["study"]))
         if key_of(self.identity) != attrs["key"]:
             raise ValueError(f"the study in {str(self.path / DESCRIPTION)!r} was altered")
         self.key, self.command = str(attrs["key"]), str(attrs.get("command", ""))
-        self.refined = refined(self.identity)
+        self.refined = is_refined(self.identity)
         names = (*str(self.identity["indices"]).split(", "), "status")
         self.arrays = {name: f"{LIST}/{name}" for name in (*names, CELL)} if self.refined else {n: n for n in names}
         self._drawn = (*names, "level") if self.refined else ()
         self._check_files([name for name in json.loads(str(attrs[ORDER])) if name not in names])
-        self.shape: tuple[int, ...] = root["status"].shape
-        self._arrays = {name: root[place] for name, place in self.arrays.items()}
-        self._rows = root[RECORDS]
+        self.shape: tuple[int, ...] = self._root["status"].shape
+        self._arrays = {name: self._root[place] for name, place in self.arrays.items()}
+        self._rows = self._root[RECORDS]
         self.tiling = Tiling(self._arrays["status"].shape, tuple(attrs["tile"]))
         for name, array in self._arrays.items():
             further = array.shape[len(self.tiling.tile) :]  # a further dimension is not cut
@@ -264,7 +264,7 @@ def run_into_store(
     except (StoreBusy, PermissionError):
         if not store.is_whole():
             raise
-        _Tally(store, store.records()).tell(report)  # nothing is left to write
+        _Tally(store, store.records()).report_to(report)  # nothing is left to write
     return store.dataset()
 
 
@@ -277,7 +277,7 @@ def _fill(
 ) -> None:
     tally, stop = _Tally(store, writer.records), Stop(report)
     waiting = np.flatnonzero(writer.records[:, DONE] == 0).tolist()
-    if not tally.tell(report) or not waiting:
+    if not tally.report_to(report) or not waiting:
         return
     gathered, began = Gathered(), perf_counter()
     tiles = [store.tiling[number] for number in waiting]
@@ -291,7 +291,7 @@ def _fill(
             record = writer.write(number, results, perf_counter() - began)
             began = perf_counter()
             tally.add(record)
-            if not tally.tell(report):
+            if not tally.report_to(report):
                 stop.set()
 
 
@@ -310,6 +310,6 @@ class _Tally:
         self.dataset.attrs["impacts_computed"] += int(record[IMPACTS])
         self.dataset.attrs["steps_computed"] += int(record[STEPS])
 
-    def tell(self, report: Report) -> bool:
+    def report_to(self, report: Report) -> bool:
         """Report; return whether to go on."""
         return report(self.cells, self.total, self.dataset) is not False

@@ -116,15 +116,15 @@ def run_sweep(
 
 def run_shared(work: Callable[[Callable[[], bool]], Iterator[Result]], workers: int, stop: Event) -> Iterator[Result]:
     """Yield what the threads' shared work yields, as it comes."""
-    handed: SimpleQueue[Result | BaseException | None] = SimpleQueue()
+    results: SimpleQueue[Result | BaseException | None] = SimpleQueue()
 
     def run() -> None:
         try:
             for result in work(stop.is_set):
-                handed.put(result)
-            handed.put(None)
+                results.put(result)
+            results.put(None)
         except BaseException as error:
-            handed.put(error)
+            results.put(error)
 
     threads = [Thread(target=run, name=f"{THREADS}-{number}") for number in range(workers)]
     for thread in threads:
@@ -132,7 +132,7 @@ def run_shared(work: Callable[[Callable[[], bool]], Iterator[Result]], workers: 
     try:
         running = workers
         while running:
-            result = handed.get()
+            result = results.get()
             if isinstance(result, BaseException):
                 raise result
             if result is None:
@@ -167,7 +167,7 @@ def run_tiles(
     What a tile returns cannot depend on the others, so neither can the sweep depend on `workers`. Tiles that still run
     GRACE seconds after `stop` was set, or HASTE after the sweep was left, are left to end by themselves, unheard.
     """
-    waiting: Iterator[slice] = iter(parts)
+    following: Iterator[slice] = iter(parts)
     pool = ThreadPoolExecutor(workers, thread_name_prefix=THREADS)
     running: dict[Future[Any], slice] = {}
     deadline = math.inf
@@ -177,7 +177,7 @@ def run_tiles(
                 running = {future: part for future, part in running.items() if not future.cancel()}
                 deadline = min(deadline, time.monotonic() + GRACE)
             room = 0 if stop.is_set() else 2 * workers - len(running)
-            running |= {pool.submit(job, part): part for part in islice(waiting, max(room, 0))}
+            running |= {pool.submit(job, part): part for part in islice(following, max(room, 0))}
             if not running:
                 return
             finished, _ = wait(running, LOOK, return_when=FIRST_COMPLETED)

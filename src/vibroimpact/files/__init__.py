@@ -131,7 +131,7 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     if ending not in _OPEN:
         raise invalid("path", str(path), "a .zarr folder or a .nc file", ".csv and .mat are exports only")
     if not source.exists():
-        raise FileNotFoundError(f"`path` {str(path)!r} does not exist; {offered(source) or 'check the spelling'}")
+        raise FileNotFoundError(f"`path` {str(path)!r} does not exist; {aside_hint(source) or 'check the spelling'}")
     place: Any = GuardedStore(source) if ending == ".zarr" else source
     with _explained(source):
         size = netcdf_size(source) if place is source else place.size()
@@ -154,10 +154,10 @@ def load_lazily(path: Path) -> xr.Dataset:
         return _restored(xr.open_dataset(place, **_OPEN[".zarr"]))
 
 
-def _path(name: str, given: Any) -> Path:
-    if not isinstance(given, (str, os.PathLike)):
-        raise invalid(name, given, "the name of a file or folder")
-    return Path(given)
+def _path(name: str, path: Any) -> Path:
+    if not isinstance(path, (str, os.PathLike)):
+        raise invalid(name, path, "the name of a file or folder")
+    return Path(path)
 
 
 @contextmanager
@@ -268,10 +268,10 @@ def sweep_up(target: Path) -> None:
 
     The system takes a lock back from a process that ends, however it ends.
     """
-    for left in target.parent.glob(f".{glob.escape(target.stem)}-*{PART}"):
-        with _locked(left) as locked:
+    for leftover in target.parent.glob(f".{glob.escape(target.stem)}-*{PART}"):
+        with _locked(leftover) as locked:
             if locked:
-                shutil.rmtree(left, ignore_errors=True)
+                shutil.rmtree(leftover, ignore_errors=True)
 
 
 @contextmanager
@@ -303,8 +303,8 @@ def partial_name(path: Path) -> Path:
     return path.with_name(f"{path.stem}.partial{path.suffix}")
 
 
-def offered(path: Path) -> str:
-    """Return the former output of a name that a process did not live to replace; empty without one."""
+def aside_hint(path: Path) -> str:
+    """Return where the former output of a name lies that a process did not live to replace; empty without one."""
     aside = max(path.parent.glob(f".{glob.escape(path.name)}-*{ASIDE}"), key=os.path.getmtime, default=None)
     return f"what it held lies in {str(aside)!r}, set aside by a process that ended: rename that" if aside else ""
 
@@ -345,10 +345,10 @@ def replace_output(part: Path, target: Path, *, overwrite: bool = True) -> None:
         raise
     finally:
         for folder in aside:  # under a name that says that it is not whole, should this process be killed now
-            left = target.with_name(f".{target.stem}-{uuid4().hex[:8]}{PART}")
+            leftover = target.with_name(f".{target.stem}-{uuid4().hex[:8]}{PART}")
             with suppress(OSError):
-                os.rename(folder, left)
-            shutil.rmtree(left, ignore_errors=True)
+                os.rename(folder, leftover)
+            shutil.rmtree(leftover, ignore_errors=True)
 
 
 def _moved(part: Path, target: Path) -> bool:
@@ -356,8 +356,8 @@ def _moved(part: Path, target: Path) -> bool:
     try:
         os.replace(part, target)
     except OSError as error:
-        taken = error.errno in (errno.ENOTEMPTY, errno.EEXIST) or (target.is_dir() and not target.is_symlink())
-        if not taken or not part.exists():
+        occupied = error.errno in (errno.ENOTEMPTY, errno.EEXIST) or (target.is_dir() and not target.is_symlink())
+        if not occupied or not part.exists():
             raise
         return False
     return True

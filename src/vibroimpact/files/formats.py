@@ -89,9 +89,9 @@ def _parsed(value: Any) -> Any:
 
 def _outermost(dataset: xr.Dataset) -> list[tuple[str, ...]]:
     """Return the dimensions of the variables that do not fit inside another variable's, unless that one is empty."""
-    found = sorted({tuple(map(str, v.dims)) for v in dataset.variables.values()}, key=lambda dims: (-len(dims), dims))
+    candidates = {tuple(map(str, v.dims)) for v in dataset.variables.values()}
     kept: list[tuple[str, ...]] = []
-    for dims in found:
+    for dims in sorted(candidates, key=lambda dims: (-len(dims), dims)):
         around = [other for other in kept if set(dims) <= set(other)]
         if not any(_entries(dataset, other) or not _entries(dataset, dims) for other in around):
             kept.append(dims)
@@ -107,12 +107,12 @@ def _table(dataset: xr.Dataset, dims: tuple[str, ...]) -> pd.DataFrame:
     import pandas as pd
 
     inside = [name for name, v in dataset.variables.items() if set(v.dims) <= set(dims)]
-    mine = _in_words(dataset[inside])
+    part = _in_words(dataset[inside])
     if not dims:
-        return pd.DataFrame({str(name): [v.values.item()] for name, v in mine.variables.items()})
-    table: pd.DataFrame = mine.to_dataframe(dim_order=list(dims)).reset_index()
-    ragged = [str(name) for name, v in mine.data_vars.items() if len(v.dims) == len(dims) > 1]
-    if ragged and len(table) and dims[-1] not in mine.coords:  # a dimension without values is counted, and padded
+        return pd.DataFrame({str(name): [v.values.item()] for name, v in part.variables.items()})
+    table: pd.DataFrame = part.to_dataframe(dim_order=list(dims)).reset_index()
+    ragged = [str(name) for name, v in part.data_vars.items() if len(v.dims) == len(dims) > 1]
+    if ragged and len(table) and dims[-1] not in part.coords:  # a dimension without values is counted, and padded
         first = table[dims[-1]] == table[dims[-1]].iloc[0]  # keeps a row of a cell without any impact
         table = table[first | table[ragged].notna().any(axis=1)]
     return table

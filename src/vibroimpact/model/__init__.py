@@ -93,25 +93,25 @@ class State:
     time: float = 0.0
 
     def __post_init__(self) -> None:
-        found = {name: _numbers(name, getattr(self, name)) for name in ("displacement", "velocity")}
-        places, speeds = (len(value) if isinstance(value, tuple) else 0 for value in found.values())
-        if places and found["velocity"] == 0.0:
-            found["velocity"] = (0.0,) * places
+        numbers = {name: _numbers(name, getattr(self, name)) for name in ("displacement", "velocity")}
+        places, speeds = (len(value) if isinstance(value, tuple) else 0 for value in numbers.values())
+        if places and numbers["velocity"] == 0.0:
+            numbers["velocity"] = (0.0,) * places
         elif places != speeds:
             got = " and ".join(str(count or "a single number") for count in (places, speeds))
             raise ValueError(f"`displacement` and `velocity` must have as many numbers, got {got}")
-        for name, value in found.items():
+        for name, value in numbers.items():
             object.__setattr__(self, name, value)
         object.__setattr__(self, "time", real_number("time", self.time))
 
 
-def _numbers(name: str, given: Any) -> float | tuple[float, ...]:
+def _numbers(name: str, values: Any) -> float | tuple[float, ...]:
     """Return a number, or those of a one-dimensional list or array as a tuple."""
-    if isinstance(given, (list, tuple)) or getattr(given, "ndim", 0) == 1:
-        if not len(given):
-            raise invalid(name, given, "a number, or numbers for all coordinates")
-        return tuple(real_number(f"{name}[{at}]", value) for at, value in enumerate(given))
-    return real_number(name, given)
+    if isinstance(values, (list, tuple)) or getattr(values, "ndim", 0) == 1:
+        if not len(values):
+            raise invalid(name, values, "a number, or numbers for all coordinates")
+        return tuple(real_number(f"{name}[{at}]", value) for at, value in enumerate(values))
+    return real_number(name, values)
 
 
 def one_start(start: Any) -> State | None:

@@ -159,10 +159,10 @@ class Rigid(Element):
     restitution: float | Law
 
     def __init__(self, restitution: Any) -> None:
-        found = 0.8 if restitution is None else restitution
-        if type(found) is not float:  # as families have them by the thousands
-            found = law_of(found)
-        vars(self)["restitution"] = found if isinstance(found, Law) else NUMBERS["restitution"].check(found)
+        ratio = 0.8 if restitution is None else restitution
+        if type(ratio) is not float:  # as families have them by the thousands
+            ratio = law_of(ratio)
+        vars(self)["restitution"] = ratio if isinstance(ratio, Law) else NUMBERS["restitution"].check(ratio)
 
     @property
     def law(self) -> Law | None:
@@ -267,15 +267,15 @@ class Compliant(Element):
 KINDS: tuple[Any, ...] = (Compliant, Rigid)  # the last one where no argument chooses
 
 
-def element_of(given: Mapping[str, Any]) -> Element:
+def element_of(arguments: Mapping[str, Any]) -> Element:
     """Return the element that arguments of a stop make; None is not given, and stands for the usual value."""
     for kind in KINDS:
-        if given[kind.takes[0]] is not None:
+        if arguments[kind.takes[0]] is not None:
             break
-    for name, value in given.items():
+    for name, value in arguments.items():
         if value is not None and name not in kind.takes:
             raise invalid(name, value, f"None for a {kind.word} stop", kind.instead[name])
-    element: Element = kind(*[given[name] for name in kind.takes])
+    element: Element = kind(*[arguments[name] for name in kind.takes])
     return element
 
 

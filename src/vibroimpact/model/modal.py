@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.matrices import KEPT, ROUNDING, blocks, closed, modes, scaled
+from vibroimpact.matrices import KEPT, ROUNDING, blocks, closed, modes, scaled, symmetric
 
 TURNED = 1e-6  # at most, in rad: eigenvectors by rounding
 FREE = 0.01  # of the driving frequency: slower modes are masses without a spring where speeds are estimated
@@ -96,8 +96,8 @@ class ModalForm:
     @property
     def mobility(self) -> Floats:
         """G = a M^-1 a^T, (s, s): what unit impulses on the stops change the rates of the clearances by."""
-        found: Floats = self.directions @ self.jumps.T
-        return found
+        mobility: Floats = self.directions @ self.jumps.T
+        return mobility
 
     @property
     def deflections(self) -> Floats:
@@ -106,8 +106,8 @@ class ModalForm:
         """
         pushes = np.abs(self.constant) + np.abs(self.forces).sum(axis=0)
         squares = np.where(self.squares > 0.0, self.squares, self.omega**2)
-        found: Floats = np.abs(self.directions) @ (pushes / squares) + np.abs(self.motions).sum(axis=1)
-        return found
+        deflections: Floats = np.abs(self.directions) @ (pushes / squares) + np.abs(self.motions).sum(axis=1)
+        return deflections
 
 
 def numbers_of(stops: Any) -> dict[str, Any]:
@@ -125,15 +125,17 @@ def numbers_of(stops: Any) -> dict[str, Any]:
 def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, stops: Any) -> ModalForm:
     """Return the modal form of matrices that are checked, with their force and stops."""
     n = len(mass)
-    given = np.array([stop.direction for stop in stops]).reshape(-1, n)
-    linear = _linear(n, *(part.tobytes() for part in (mass, damping, stiffness, given)))
-    shapes, masses, squares, coupling, decoupled, neutral = linear
-    directions = given @ shapes
+    normals = np.array([stop.direction for stop in stops]).reshape(-1, n)
+    shapes, masses, squares, coupling, decoupled, neutral = _linear(
+        n, *(part.tobytes() for part in (mass, damping, stiffness, normals))
+    )
+    directions = normals @ shapes
     directions[:, neutral[0]] = 0.0
     orders = sorted({*force.harmonics, *(order for stop in stops for order in stop.motion)})
-    none = np.zeros(n)
-    constant = none if force.constant is None else force.constant
-    forces = np.array([force.harmonics.get(order, none) for order in orders], np.complex128).reshape(-1, n)
+    zeros = np.zeros(n)
+    constant = zeros if force.constant is None else force.constant
+    forces = np.array([force.harmonics.get(order, zeros) for order in orders], np.complex128).reshape(-1, n)
+    motions = np.array([[stop.motion.get(order, 0.0) for order in orders] for stop in stops], np.complex128)
     return ModalForm(
         shapes=shapes,
         inverse=shapes.T @ mass / masses[:, None],
@@ -148,19 +150,17 @@ def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, sto
         orders=np.array(orders, np.int64),
         forces=_along(forces, shapes, neutral) / masses,
         **numbers_of(stops),
-        motions=np.array([[stop.motion.get(order, 0.0) for order in orders] for stop in stops], np.complex128).reshape(
-            len(stops), len(orders)
-        ),
+        motions=motions.reshape(len(stops), len(orders)),
         omega=force.omega,
     )
 
 
 def _along(forces: Any, shapes: Floats, neutral: Any) -> Any:
     """Return the modal forces; what rounding leaves of those that only move a free centre is 0 on the other modes."""
-    found = forces @ shapes
+    modal = forces @ shapes
     if neutral.any():
-        found[np.abs(found) <= len(shapes) * ROUNDING * (np.abs(forces) @ np.abs(shapes))] = 0.0
-    return found
+        modal[np.abs(modal) <= len(shapes) * ROUNDING * (np.abs(forces) @ np.abs(shapes))] = 0.0
+    return modal
 
 
 @lru_cache(KEPT)
@@ -211,8 +211,8 @@ def _admixed(shapes: Floats, squares: Floats) -> Floats:
     n, grouped = len(squares), np.abs(shapes).T @ np.abs(shapes) > 0.0
     largest = np.where(grouped, squares, 0.0).max(axis=1)
     softest = np.where(grouped & (squares > 0.0), squares, np.inf).min(axis=1)
-    found: Floats = np.minimum(n * ROUNDING * (1.0 + largest / softest), TURNED)
-    return found
+    angles: Floats = np.minimum(n * ROUNDING * (1.0 + largest / softest), TURNED)
+    return angles
 
 
 def _parted(shapes: Floats, squares: Floats, mass: Floats, damping: Floats, free: int) -> Floats:
@@ -228,7 +228,7 @@ def _parted(shapes: Floats, squares: Floats, mass: Floats, damping: Floats, free
         rounding = n * ROUNDING * (np.abs(alike).T @ np.abs(damping) @ np.abs(alike))
         coupled = (np.abs(coupling - np.diag(np.diag(coupling))) > rounding).any()
         if coupled and (np.abs(coupling - coupling.T) <= rounding).all():
-            turned, _ = modes(np.diag(np.diag(masses)), 0.5 * (coupling + coupling.T))
+            turned, _ = modes(np.diag(np.diag(masses)), symmetric(coupling))
             shapes[:, low:high] = scaled(alike @ turned)
     return shapes
 
@@ -243,9 +243,9 @@ def _by_rounding(coupling: Floats, damping: Floats, shapes: Floats, masses: Floa
     products = size.T @ np.abs(damping) @ size / masses[:, None]
     grouped = size.T @ size > 0.0
     largest = np.where(grouped, squares, 0.0).max(axis=1)[:, None]
-    apart = np.abs(squares[:, None] - squares)
-    resolved = grouped & (apart > n * ROUNDING * largest)
-    turned = np.divide(n * ROUNDING * largest, apart, where=resolved, out=np.zeros((n, n)))
+    distances = np.abs(squares[:, None] - squares)
+    resolved = grouped & (distances > n * ROUNDING * largest)
+    turned = np.divide(n * ROUNDING * largest, distances, where=resolved, out=np.zeros((n, n)))
     rates = np.diag(coupling)
     balance = np.sqrt(masses / masses[:, None])  # of rows over their own masses
     by_turning = np.minimum(turned, TURNED) * np.abs(rates[:, None] - rates) * balance
@@ -263,8 +263,8 @@ def velocity_scales(driven: Floats, rate: Floats, offset: Floats, omega: Floats,
     """Return the scales of several systems from the parts of their speeds and their gaps, one row each."""
     speeds = np.maximum(driven, rate * np.abs(gaps - offset)).max(axis=1, initial=0.0)
     still = omega * np.abs(gaps).max(axis=1, initial=0.0)
-    found: Floats = np.where(speeds > 0.0, speeds, np.where(still > 0.0, still, 1.0))
-    return found
+    scales: Floats = np.where(speeds > 0.0, speeds, np.where(still > 0.0, still, 1.0))
+    return scales
 
 
 def speed_parts(form: ModalForm, omegas: Floats) -> tuple[Floats, Floats, Floats]:
@@ -297,8 +297,8 @@ def _each(matrix: Any, columns: Any) -> Any:
 
 def _sizes(matrix: Floats, columns: Any) -> Floats:
     """Return the lengths of the products of a matrix with each of the columns, as a column."""
-    found = _each(matrix, columns)
-    squares = [part[:, None] @ part[..., None] for part in (found.real, found.imag)]
+    products = _each(matrix, columns)
+    squares = [part[:, None] @ part[..., None] for part in (products.real, products.imag)]
     lengths: Floats = np.sqrt(squares[0] + squares[1])[..., 0]
     return lengths
 
@@ -315,8 +315,8 @@ def _linked(n: int, *entries: bytes) -> Floats:
         return np.zeros((n, 0))
     damping = (roots[:, None] * coupling.reshape(n, n) / roots).T
     new = (directions.reshape(-1, n) / roots).T
-    found = closed(new / np.linalg.norm(new, axis=0), np.diag(squares), damping)
-    return np.eye(len(roots)) if found.shape[1] >= len(roots) else found
+    basis = closed(new / np.linalg.norm(new, axis=0), np.diag(squares), damping)
+    return np.eye(len(roots)) if basis.shape[1] >= len(roots) else basis
 
 
 def _power_of_two(size: float) -> float:
@@ -354,9 +354,9 @@ def steady_motions(
     """
     n, highest = forces.shape
     sprung = form.squares > 0.0
-    apart = (form.damping != 0.0) & ~np.eye(n, dtype=bool)
+    coupled = (form.damping != 0.0) & ~np.eye(n, dtype=bool)
     loaded = (np.diag(form.damping) > 0.0) & (form.constant != 0.0)
-    slides = ~sprung & (apart.any(axis=0) | apart.any(axis=1) | loaded)
+    slides = ~sprung & (coupled.any(axis=0) | coupled.any(axis=1) | loaded)
     brakes = form.damping[np.ix_(slides, slides)]
     amplitudes = np.zeros((len(omegas), n, highest), complex)
     slide, sliding = np.zeros(n), np.zeros_like(form.directions)
@@ -371,17 +371,17 @@ def steady_motions(
         amplitudes[..., order - 1] = _solved(stiffness, forces[:, order - 1])
     static = np.divide(form.constant - form.damping @ slide, form.squares, where=sprung, out=np.zeros(n))
     still, swung = form.directions @ static, np.abs(motions - form.directions @ amplitudes).sum(axis=2)
-    there = np.isfinite(swung).all(axis=1) & np.isfinite(amplitudes).all(axis=(1, 2)) & np.isfinite(still).all()
-    taken = (form.directions - sliding @ form.damping)[:, sprung]
-    give = taken**2 @ (1.0 / (form.masses * form.squares)[sprung]) + sliding**2 @ (1.0 / form.masses)
+    exists = np.isfinite(swung).all(axis=1) & np.isfinite(amplitudes).all(axis=(1, 2)) & np.isfinite(still).all()
+    effective = (form.directions - sliding @ form.damping)[:, sprung]
+    give = effective**2 @ (1.0 / (form.masses * form.squares)[sprung]) + sliding**2 @ (1.0 / form.masses)
     nearing = form.directions @ slide > n * ROUNDING * (np.abs(form.directions) @ np.abs(slide))
     still[nearing] = np.inf
     waves = np.stack([amplitudes.real, amplitudes.imag], -1).reshape(len(omegas), -1)
     steady = np.column_stack([np.tile(static, (len(omegas), 1)), waves])
     parts = {"steady": steady, "give": give, "slide": slide, "sliding": sliding.ravel()}
-    columns = {name: np.where(there[:, None], values, 0.0) for name, values in parts.items()}
-    lost = np.where(there, 0.0, np.nan)[:, None]
-    return columns, still + lost, swung + lost
+    columns = {name: np.where(exists[:, None], values, 0.0) for name, values in parts.items()}
+    undefined = np.where(exists, 0.0, np.nan)[:, None]
+    return columns, still + undefined, swung + undefined
 
 
 def _solved(matrices: Any, column: Any) -> Any:

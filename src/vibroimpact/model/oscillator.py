@@ -124,8 +124,8 @@ class ImpactOscillator:
             critical = critical_damping(check["stiffness"](stiffness), check["mass"](mass))
             damping = check["damping_ratio"](damping_ratio) * critical
         damping, omega = 0.01 if damping is None else damping, 2.0 if omega is None else omega
-        given = (mass, damping, stiffness, amplitude, omega, restitution, gap)
-        for name, value in zip(PARAMETERS, given, strict=True):
+        numbers = (mass, damping, stiffness, amplitude, omega, restitution, gap)
+        for name, value in zip(PARAMETERS, numbers, strict=True):
             object.__setattr__(self, name, check[name](value))
 
     def replace(self, **changes: float) -> ImpactOscillator:

@@ -15,7 +15,7 @@ from vibroimpact.parameters import CRITICAL, Scale, critical_damping
 from vibroimpact.parameters import LIGHT as LIGHT
 
 WIDEST = 200  # powers of two between which the size of a family's parameter is sought
-TURNED = 0.5  # of a design's numbers: as far as one must change to show the size of a parameter
+LARGE = 0.5  # of a design's numbers: as far as one must change to show the size of a parameter
 
 
 def scale_of(model: Model, name: str, value: float) -> Scale:
@@ -28,12 +28,12 @@ def scale_of(model: Model, name: str, value: float) -> Scale:
     if is_own_scale(model, name, value):
         return Scale(value)
     if model.at() is model:
-        given = model.at().scales().get(name, Scale(0.0))
+        scale = model.at().scales().get(name, Scale(0.0))
     else:
-        given = Scale(0.0) if value else _of_family(model, name)
-    if given.size < abs(value):
+        scale = Scale(0.0) if value else _of_family(model, name)
+    if scale.size < abs(value):
         return Scale(abs(value))
-    return given if given.size > 0.0 else _unit(model, name)
+    return scale if scale.size > 0.0 else _unit(model, name)
 
 
 def is_own_scale(model: Model, name: str, value: float) -> bool:
@@ -54,15 +54,15 @@ def _of_family(model: Model, name: str) -> Scale:
     low, high, unit = -WIDEST, WIDEST, model.parameters[name].unit
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (low, middle) if _turned(model, name, 2.0**middle) >= TURNED else (middle, high)
+        low, high = (low, middle) if _relative_change(model, name, 2.0**middle) >= LARGE else (middle, high)
     if high == WIDEST:
         return Scale(0.0)
-    far = _turned(model, name, 2.0**high)
+    far = _relative_change(model, name, 2.0**high)
     size = 2.0**high / far if math.isfinite(far) else 2.0**high
     return Scale(size, f"{size:.3g} {unit}".removesuffix(" 1"))
 
 
-def _turned(model: Model, name: str, value: float) -> float:
+def _relative_change(model: Model, name: str, value: float) -> float:
     """Return the change of a design's numbers by a parameter, over their sizes; infinite where there is no design."""
     numbers = _numbers(model.at())
     for signed in (value, -value):
@@ -72,12 +72,12 @@ def _turned(model: Model, name: str, value: float) -> float:
             continue
         if others.keys() != numbers.keys():
             return math.inf
-        apart = [
-            float(np.abs(np.subtract(others[key][0], at)).max(initial=0.0)) / size
-            for key, (at, size) in numbers.items()
-            if size > 0.0 and np.shape(at) == np.shape(others[key][0])
+        changes = [
+            float(np.abs(np.subtract(others[key][0], number)).max(initial=0.0)) / size
+            for key, (number, size) in numbers.items()
+            if size > 0.0 and np.shape(number) == np.shape(others[key][0])
         ]
-        return max(apart)
+        return max(changes)
     return math.inf
 
 
@@ -85,15 +85,15 @@ def _numbers(design: Any) -> dict[str, tuple[Any, float]]:
     """Return the numbers of a design with their sizes."""
     scales = design.scales()
     sizes = {name: LIGHT * size if of == CRITICAL else size for name, (size, of) in scales.items()}
-    found = {name: (value, max(abs(value), sizes.get(name, 0.0))) for name, value in design.values.items()}
-    return found if design.says_all else found | _linear_numbers(design)
+    numbers = {name: (value, max(abs(value), sizes.get(name, 0.0))) for name, value in design.values.items()}
+    return numbers if design.says_all else numbers | _linear_numbers(design)
 
 
 def _linear_numbers(design: Any) -> dict[str, tuple[Any, float]]:
     """Return the matrices, loads, directions and motions of a system, with their sizes."""
     mass = float(np.abs(design.mass).max())
     stiffness = max(float(np.abs(design.stiffness).max()), mass * design.omega**2)
-    found: dict[str, tuple[Any, float]] = {
+    numbers: dict[str, tuple[Any, float]] = {
         "mass": (design.mass, mass),
         "stiffness": (design.stiffness, stiffness),
         "damping": (design.damping, LIGHT * critical_damping(stiffness, mass)),
@@ -102,7 +102,7 @@ def _linear_numbers(design: Any) -> dict[str, tuple[Any, float]]:
     most = max((float(np.abs(vector).max()) for vector in loads.values()), default=0.0)
     for stop in design.stops:
         size, reach = float(np.abs(stop.direction).max()), max(scales[f"{stop.name}_gap"].size, abs(stop.gap))
-        found[f"{stop.name}_direction"] = stop.direction, size
-        found |= {f"{stop.name}_{order}": (by, reach) for order, by in stop.motion.items()}
+        numbers[f"{stop.name}_direction"] = stop.direction, size
+        numbers |= {f"{stop.name}_{order}": (by, reach) for order, by in stop.motion.items()}
         most = most or stiffness * reach / size
-    return found | {name: (vector, most) for name, vector in loads.items()}
+    return numbers | {name: (vector, most) for name, vector in loads.items()}

@@ -52,13 +52,13 @@ def check_length(name: str, value: Any, n: int) -> None:
     raise ValueError(f"`{name}` names points ({points}), which only ImpactSystem.from_modes knows; give {wanted}")
 
 
-def _by_order(name: str, given: Any) -> dict[int, Any]:
+def _by_order(name: str, amplitudes: Any) -> dict[int, Any]:
     """Return the values given by the orders of harmonics, in their order."""
-    if given is None:
+    if amplitudes is None:
         return {}
-    if type(given) is not dict and not isinstance(given, Mapping):
-        raise invalid(name, given, "a mapping from the order of a harmonic to its amplitude", "write {1: ...}")
-    return dict(sorted((whole_number(f"{name} key", order, 1), value) for order, value in given.items()))
+    if type(amplitudes) is not dict and not isinstance(amplitudes, Mapping):
+        raise invalid(name, amplitudes, "a mapping from the order of a harmonic to its amplitude", "write {1: ...}")
+    return dict(sorted((whole_number(f"{name} key", order, 1), value) for order, value in amplitudes.items()))
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -117,13 +117,13 @@ class Force(ByValue):
             )
         if frequency is not None:
             omega = radians(OF_ONE_MASS["frequency"].check(frequency))
-        found = {
+        vectors = {
             order: vector(f"harmonics[{order}]", value, np.complex128)
             for order, value in _by_order("harmonics", harmonics).items()
         }
         vars(self).update(  # as the constructor of a frozen class must; families make thousands
             omega=OF_ONE_MASS["omega"].check(omega),
-            harmonics=MappingProxyType(found),
+            harmonics=MappingProxyType(vectors),
             constant=None if constant is None else vector("constant", constant),
         )
 
@@ -139,8 +139,8 @@ class Force(ByValue):
     @property
     def vectors(self) -> dict[str, Any]:
         """The vectors over coordinates or points, by their names."""
-        found = {f"harmonics[{order}]": value for order, value in self.harmonics.items()}
-        return found | ({} if self.constant is None else {"constant": self.constant})
+        vectors = {f"harmonics[{order}]": value for order, value in self.harmonics.items()}
+        return vectors | ({} if self.constant is None else {"constant": self.constant})
 
 
 def check_force(force: Any) -> None:
@@ -232,9 +232,9 @@ class Stop(ByValue):
         if not max(map(abs, entries)) >= SMALLEST:
             of = f" of stop {name!r}" if name else ""
             raise ValueError(f"`direction`{of} must not be zero, got {written(form)}; a . q = gap is contact")
-        numbered = {"restitution": restitution, "stiffness": stiffness, "damping": damping}
-        element = element_of(numbered)
-        moves = {
+        contact = {"restitution": restitution, "stiffness": stiffness, "damping": damping}
+        element = element_of(contact)
+        waves = {
             order: complex(numbers(f"motion[{order}]", value, 0, np.complex128).item())
             for order, value in _by_order("motion", motion).items()
         }
@@ -242,9 +242,9 @@ class Stop(ByValue):
             direction=form,
             gap=NUMBERS["gap"].check(gap),
             name=name,
-            motion=MappingProxyType(moves),
+            motion=MappingProxyType(waves),
             element=element,
-            **dict.fromkeys(numbered) | vars(element),
+            **dict.fromkeys(contact) | vars(element),
         )
 
     def arguments(self) -> dict[str, Any]:
@@ -298,9 +298,9 @@ class Stop(ByValue):
 
     def called(self, name: str) -> Stop:
         """Return a copy of that name: families make stops by the thousands."""
-        found = object.__new__(Stop)
-        vars(found).update(vars(self), name=name)
-        return found
+        renamed = object.__new__(Stop)
+        vars(renamed).update(vars(self), name=name)
+        return renamed
 
     def replace(self, **changes: Any) -> Stop:
         """Return a copy with some arguments changed; another kind of stop takes all that it needs."""
@@ -309,27 +309,27 @@ class Stop(ByValue):
 
 def several_stops(stops: Any) -> tuple[Stop, ...]:
     """Return a list of stops that is checked, as a tuple."""
-    found = several("stops", stops, "a list of Stops")
-    for at, stop in enumerate(found):
+    checked = several("stops", stops, "a list of Stops")
+    for at, stop in enumerate(checked):
         if not isinstance(stop, Stop):
             raise invalid(f"stops[{at}]", stop, "a Stop", "write Stop(direction=[...], gap=...)")
-    if len(found) > STOPS:
-        raise ValueError(f"`stops` must be at most {STOPS}, got {len(found)}")
-    return found
+    if len(checked) > STOPS:
+        raise ValueError(f"`stops` must be at most {STOPS}, got {len(checked)}")
+    return checked
 
 
 def named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
     """Return stops whose directions fit, those without a name called by their place."""
-    found = tuple(stop if stop.name else stop.called(f"stop_{at}") for at, stop in enumerate(several_stops(stops), 1))
-    names = [stop.name for stop in found]
-    for at, (stop, name) in enumerate(zip(found, map(str, names), strict=True)):
+    named = tuple(stop if stop.name else stop.called(f"stop_{at}") for at, stop in enumerate(several_stops(stops), 1))
+    names = [stop.name for stop in named]
+    for at, (stop, name) in enumerate(zip(named, map(str, names), strict=True)):
         check_length(f"stops[{at}].direction", stop.direction, n)
         other, _, kind = name.rpartition("_")
-        taken = name in ("omega", "frequency") or (other in names and kind in NUMBERS)
-        if taken or names.count(name) > 1:
-            owner = "a parameter" if taken else "another stop"
+        reserved = name in ("omega", "frequency") or (other in names and kind in NUMBERS)
+        if reserved or names.count(name) > 1:
+            owner = "a parameter" if reserved else "another stop"
             raise ValueError(f"`stops[{at}].name` {name!r} is that of {owner}; give each stop a name of its own")
-    return found
+    return named
 
 
 def check_room(stops: Sequence[Stop], mass: Any) -> None:
@@ -384,5 +384,5 @@ def over_modes(name: str, value: Any, points: Sequence[str], shapes: NDArray[np.
         value = np.array([value.get(point, 0.0) for point in points])
     if len(value) != len(points):
         raise ValueError(f"`{name}` must have {len(points)} numbers, one per point, got {len(value)}")
-    found: NDArray[Any] = value @ shapes
-    return found
+    modal: NDArray[Any] = value @ shapes
+    return modal

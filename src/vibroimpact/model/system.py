@@ -105,10 +105,10 @@ class ImpactSystem(ByValue):
         self, *, mass: Any, stiffness: Any, damping: Any = 0.0, force: Force, stops: Iterable[Stop] = ()
     ) -> None:
         check_force(force)
-        found = matrices(mass, damping, stiffness)
+        linear = matrices(mass, damping, stiffness)
         for name, value in force.vectors.items():
-            check_length(name, value, len(found["mass"]))
-        vars(self).update(found, force=force, stops=named_stops(stops, len(found["mass"])))
+            check_length(name, value, len(linear["mass"]))
+        vars(self).update(linear, force=force, stops=named_stops(stops, len(linear["mass"])))
         check_room(self.stops, self.mass)
         warn_of_short_contacts(self.stops, self.mass, self.period)
 
@@ -234,10 +234,10 @@ class ImpactSystem(ByValue):
         """Return a copy with some parameters changed; `frequency` (Hz) may stand for `omega`."""
         check_names(self.parameters, changes)
         check_one("omega", changes.get("omega"), "frequency", changes.get("frequency"))
-        given = {name: self.parameters[name].check(value) for name, value in changes.items()}
-        if "frequency" in given:
-            given["omega"] = radians(given["frequency"])
-        values = self.values | given
+        checked = {name: self.parameters[name].check(value) for name, value in changes.items()}
+        if "frequency" in checked:
+            checked["omega"] = radians(checked["frequency"])
+        values = self.values | checked
         force = Force(**{**self.force.arguments(), "omega": values["omega"]})
         stops = [stop.replace(**{kind: values[f"{stop.name}_{kind}"] for kind in stop.kinds}) for stop in self.stops]
         changed = object.__new__(ImpactSystem)  # of matrices that are checked
@@ -331,19 +331,19 @@ class ImpactSystem(ByValue):
     def scales(self) -> dict[str, Scale]:
         """Return the sizes of the numbers of its stops by name, with the mass 1/(a . M^-1 a) that each stop strikes."""
         form = self.modal()
-        found: dict[str, Scale] = {}
+        scales: dict[str, Scale] = {}
         widest = max((abs(stop.gap) for stop in self.stops), default=0.0)
         struck = 1.0 / np.diag(form.mobility)
         for stop, mass, deflection in zip(self.stops, struck.tolist(), form.deflections.tolist(), strict=True):
             gap = Scale(deflection, "the static deflection") if deflection else Scale(widest, "the widest gap")
             sizes = {"gap": gap} | stop.element.scales(mass, self.omega)
-            found |= {f"{stop.name}_{name}": size for name, size in sizes.items()}
-        return found
+            scales |= {f"{stop.name}_{name}": size for name, size in sizes.items()}
+        return scales
 
     def clearances(self, displacement: Any, time: float = 0.0) -> Floats:
         """Return the clearances u of all stops in m; negative beyond a stop."""
-        found: Floats = self._bounds(time) - self._directions @ np.asarray(displacement, np.float64)
-        return found
+        clearances: Floats = self._bounds(time) - self._directions @ np.asarray(displacement, np.float64)
+        return clearances
 
     def initial(self, start: State | None = None, argument: str = "start") -> tuple[Floats, Floats, float]:
         """Return coordinates, velocities and time of an initial condition that is checked, given as `argument`.
@@ -371,13 +371,13 @@ class ImpactSystem(ByValue):
         beyond = -self.clearances(q, start.time)
         reach = np.array([stop.reach for stop in self.stops])
         size = np.abs(self._directions) @ np.abs(q) + reach * (1.0 + abs(start.time) * self.omega)
-        over = [
+        violations = [
             f"{name!r} by {depth:.3g} m"
             for name, depth, most, bars in zip(self.stop_names, beyond, n * ROUNDING * size, self._bars, strict=True)
             if bars and depth > most
         ]
-        if over:
-            where = " and ".join(over)
+        if violations:
+            where = " and ".join(violations)
             raise ValueError(f"`{argument}` lies beyond {where} at time {start.time:g}; start before the stops")
         return q, speed, start.time
 
@@ -392,5 +392,5 @@ class ImpactSystem(ByValue):
 
     def _bounds(self, time: float) -> Floats:
         """Return a . q in contact, for every stop at some time."""
-        found: Floats = np.array([stop.gap + stop.shift(self.omega * time) for stop in self.stops], np.float64)
-        return found
+        bounds: Floats = np.array([stop.gap + stop.shift(self.omega * time) for stop in self.stops], np.float64)
+        return bounds

@@ -69,14 +69,14 @@ class SystemCells(Cells):
         What does not depend on the numbers of stops is computed once for all systems that share it; only the first of
         these is kept, and those that stops may push from q = 0.
         """
-        known: dict[Any, int] = {}
+        groups: dict[Any, int] = {}
         bases, which, numbers, pushed = [], [], [], {}
         for row, system in enumerate(systems):
             key = _fixed(system)
-            if key not in known:
-                known[key] = len(known)
+            if key not in groups:
+                groups[key] = len(groups)
                 bases.append(system)
-            which.append(known[key])
+            which.append(groups[key])
             numbers.append([_numbers(stop) for stop in system.stops])
             if any((stop.gap < 0.0 or stop.motion) and stop.element.impenetrable for stop in system.stops):
                 pushed[row] = system
@@ -103,11 +103,11 @@ class SystemCells(Cells):
                 if f"{stop.name}_{kind}" in points:
                     table[:, j, place] = points[f"{stop.name}_{kind}"]
 
-        def there(row: int) -> ImpactSystem:
-            own = {f"{name}_gap": float(gap) for name, gap in zip(system.stop_names, table[row, :, 0], strict=True)}
-            return system.replace(omega=float(values[which[row]]), **own)
+        def system_of(row: int) -> ImpactSystem:
+            gaps = {f"{name}_gap": float(gap) for name, gap in zip(system.stop_names, table[row, :, 0], strict=True)}
+            return system.replace(omega=float(values[which[row]]), **gaps)
 
-        return cls._of_forms([(system.modal(), values)], which, table, there)
+        return cls._of_forms([(system.modal(), values)], which, table, system_of)
 
     @classmethod
     def _of_forms(
@@ -115,11 +115,11 @@ class SystemCells(Cells):
         forms: Sequence[tuple[ModalForm, Floats]],
         which: Any,
         numbers: Floats,
-        there: Callable[[int], ImpactSystem],
+        system_of: Callable[[int], ImpactSystem],
     ) -> SystemCells:
         """Return a cell, at rest, for each row of the numbers of stops, on the form and frequency of that number.
 
-        `there` is the system of a row; it is asked for where stops are in the way of q = 0.
+        `system_of` is the system of a row; it is asked for where stops are in the way of q = 0.
         """
         highest = max(int(form.orders.max(initial=0)) for form, _ in forms)
         coupled, moving = any(not form.decoupled for form, _ in forms), any(form.motions.any() for form, _ in forms)
@@ -137,16 +137,16 @@ class SystemCells(Cells):
         parts = zip(*(_rows(form, omegas, shape) for form, omegas in forms), strict=True)
         rows, still, swung, driven, rate, offset = (np.concatenate(part)[which] for part in parts)
         cells = cls(rows, _columns(shape), shape)
-        at, left = cells.places, gaps - still - swung
+        places, margins = cells.places, gaps - still - swung
         for name, values in blocks.items():
-            cells.table[:, at[BLOCKS[name].name]] = values
-        cells.table[:, at["margin"]] = np.where(np.isnan(left), -np.inf, left)
-        cells.table[:, at["scale"]] = velocity_scales(driven, rate, offset, cells["omega"], gaps)[:, None]
+            cells.table[:, places[BLOCKS[name].name]] = values
+        cells.table[:, places["margin"]] = np.where(np.isnan(margins), -np.inf, margins)
+        cells.table[:, places["scale"]] = velocity_scales(driven, rate, offset, cells["omega"], gaps)[:, None]
         beyond = cells._clearances(np.zeros(3), np.zeros_like(cells.block("eta"))) < 0.0
         closed = (beyond & barring).any(axis=1)
         for row in np.flatnonzero(closed).tolist():
-            own = there(row)
-            cells.table[row, at["eta"]] = own.modal().inverse @ own.initial()[0]
+            design = system_of(row)
+            cells.table[row, places["eta"]] = design.modal().inverse @ design.initial()[0]
         return cells
 
     @property
@@ -156,8 +156,8 @@ class SystemCells(Cells):
 
     def block(self, name: str) -> Floats:
         """Return the columns of that name."""
-        found: Floats = self.table[:, self.places[name]]
-        return found
+        columns: Floats = self.table[:, self.places[name]]
+        return columns
 
     def __getitem__(self, part: Any) -> Any:
         if isinstance(part, str):
@@ -228,23 +228,22 @@ class SystemCells(Cells):
 
     def _at_stops(self, stops: Any) -> tuple[Floats, Floats, Floats]:
         """Return alpha, alpha over the modal masses and their product, of one stop of each cell."""
-        shape, rows = (-1, self.shape.stops, self.shape.modes), np.arange(len(self))
-        alpha, jump = (self.block(name).reshape(shape)[rows, stops] for name in ("alpha", "jump"))
+        alpha, jump = (self._by_stop(name)[np.arange(len(self)), stops] for name in ("alpha", "jump"))
         return alpha, jump, (alpha * jump).sum(axis=1)
+
+    def _by_stop(self, name: str) -> Floats:
+        """Return a block of a number for each stop and mode, of every cell."""
+        return self.block(name).reshape(len(self), self.shape.stops, self.shape.modes)
 
     def _before_stops(self) -> SystemCells:
         """Return the cells, those beyond a rigid stop moved to the nearest displacement before all of these."""
-        table = self.table.copy()
+        table, alpha, rigid = self.table.copy(), self._by_stop("alpha"), self.bars
+        clearances = self._clearances(self.block("turn"), self.block("eta"))
         for row in np.flatnonzero(self.beyond().any(axis=1)).tolist():
-            back = self._back(row, self._clearances(self.block("turn"), self.block("eta"))[row])
+            masses, barring = np.diag(self.block("weight")[row]), rigid[row]
+            back = nearest(masses, alpha[row][barring], clearances[row][barring])
             table[row, self.places["eta"]] += 0.0 if back is None else back
         return SystemCells(table, self.columns, self.shape)
-
-    def _back(self, row: int, clearances: Floats) -> Floats | None:
-        """Return the shortest way in front of all rigid stops of a cell."""
-        barring = self.bars[row]
-        alpha = self.block("alpha")[row].reshape(self.shape.stops, self.shape.modes)
-        return nearest(np.diag(self.block("weight")[row]), alpha[barring], clearances[barring])
 
     def begun(self, start: State | None) -> SystemCells:
         """Return the cells from an initial condition; None leaves them as they are.
@@ -263,15 +262,15 @@ class SystemCells(Cells):
         turns = hertz(start.time * self["omega"])
         if not np.abs(turns).max(initial=0.0) < COUNTABLE:
             raise ValueError(f"`start` must have a time of less than 2^53 driving periods, got {start.time!r}")
-        begun = self.at(q, speed, turns)
-        over = begun.beyond()
+        cells = self.at(q, speed, turns)
+        over = cells.beyond()
         if over.any():
             cell, stop = np.argwhere(over)[0].tolist()
             raise ValueError(
                 f"`start` lies beyond stop {stop + 1} by {over[cell, stop]:.3g} m at time {start.time:g}; "
                 "start before the stops"
             )
-        return begun
+        return cells
 
     def at(self, displacement: Any, velocity: Any, turns: Any) -> SystemCells:
         """Return the cells from coordinates and velocities, a row each or one for all, at times in driving periods."""
@@ -298,8 +297,7 @@ class SystemCells(Cells):
     def beyond(self) -> Floats:
         """Return the depth in m of each start beyond each rigid stop; 0 before it, and where that is rounding."""
         eta = self.block("eta")
-        alpha = self.block("alpha").reshape(len(self), self.shape.stops, self.shape.modes)
-        size = np.abs(self.block("gap")) + (np.abs(alpha) @ np.abs(eta)[..., None])[..., 0]
+        size = np.abs(self.block("gap")) + (np.abs(self._by_stop("alpha")) @ np.abs(eta)[..., None])[..., 0]
         depth = -self._clearances(self.block("turn"), eta)
         return np.where((depth > BEYOND * size) & self.bars, depth, 0.0)
 
@@ -310,18 +308,17 @@ class SystemCells(Cells):
 
     def _clearances(self, turn: Floats, eta: Floats) -> Floats:
         """Return the clearances of all stops at (sin wt, cos wt)."""
-        alpha = self.block("alpha").reshape(len(self), self.shape.stops, self.shape.modes)
         waves, motion = self._waves(turn)
         moved = (motion[..., 0] * waves.imag + motion[..., 1] * waves.real).sum(axis=-1)
-        found: Floats = self.block("gap") + moved - (alpha @ eta[..., None])[..., 0]
-        return found
+        clearances: Floats = self.block("gap") + moved - (self._by_stop("alpha") @ eta[..., None])[..., 0]
+        return clearances
 
     def _moving(self, turn: Floats) -> Floats:
         """Return the velocities of all stops, away from what strikes them, at (sin wt, cos wt)."""
         waves, motion = self._waves(turn)
         rates = self["omega"][:, None] * np.arange(1, self.shape.harmonics + 1)
-        found: Floats = (rates[:, None] * (motion[..., 0] * waves.real - motion[..., 1] * waves.imag)).sum(axis=-1)
-        return found
+        velocities: Floats = (rates[:, None] * (motion[..., 0] * waves.real - motion[..., 1] * waves.imag)).sum(axis=-1)
+        return velocities
 
     def _waves(self, turn: Floats) -> tuple[Any, Floats]:
         """Return exp(i h w t) of all orders, and what each stop's motion is of them."""

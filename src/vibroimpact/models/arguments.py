@@ -13,7 +13,7 @@ from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, invalid, whole_number
 
 _Arguments = ParamSpec("_Arguments")
-_Made = TypeVar("_Made")
+_Model = TypeVar("_Model")
 _Documented = TypeVar("_Documented", bound=Callable[..., Any])
 
 
@@ -105,7 +105,7 @@ ValueError
 """
 
 
-def checked(function: Callable[_Arguments, _Made]) -> Callable[_Arguments, _Made]:
+def checked(function: Callable[_Arguments, _Model]) -> Callable[_Arguments, _Model]:
     """Return the function of named numbers with each checked by its name; `parameters` holds their table.
 
     Its docstring says so, unless it says what else is refused.
@@ -115,10 +115,10 @@ def checked(function: Callable[_Arguments, _Made]) -> Callable[_Arguments, _Made
         function = sharing(_RAISES)(function)
 
     @functools.wraps(function)
-    def model(*none: _Arguments.args, **given: _Arguments.kwargs) -> _Made:
-        check_names(parameters, given)
-        numbers: dict[str, Any] = {name: parameters[name].check(value) for name, value in given.items()}
-        return function(*none, **numbers)
+    def model(*positional: _Arguments.args, **arguments: _Arguments.kwargs) -> _Model:
+        check_names(parameters, arguments)
+        numbers: dict[str, Any] = {name: parameters[name].check(value) for name, value in arguments.items()}
+        return function(*positional, **numbers)
 
     vars(model)["parameters"] = parameters
     return model

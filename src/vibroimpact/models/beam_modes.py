@@ -61,12 +61,12 @@ class BeamModes:
     def hertz(self, rigidity: float, mass_per_length: float, length: float) -> Floats:
         """Return the natural frequencies in Hz of a beam of rigidity E I in N m^2, mass per length and length in m."""
         rate = math.sqrt(rigidity / mass_per_length) / length**2
-        found: Floats = self.wave_numbers**2 * hertz(rate)
-        return found
+        frequencies: Floats = self.wave_numbers**2 * hertz(rate)
+        return frequencies
 
     def _clean(self, values: Floats) -> Floats:
-        found: Floats = np.where(np.abs(values) <= 8.0 * _EPS * self.wave_numbers, 0.0, values)
-        return found
+        cleaned: Floats = np.where(np.abs(values) <= 8.0 * _EPS * self.wave_numbers, 0.0, values)
+        return cleaned
 
 
 @lru_cache(maxsize=64)
@@ -154,7 +154,7 @@ _ENDS: dict[str, tuple[float, Callable[[float], float] | None, Callable[[Floats]
 
 def moving_row(name: str, place: float, shapes: BeamModes) -> Floats:
     """Return phi of all modes at the place x/L of a stop, which must move."""
-    found = shapes.at(place)
-    if not found.any():
+    row = shapes.at(place)
+    if not row.any():
         raise invalid(name, place, "a place that moves", "keep stops away from held ends and from nodes of all modes")
-    return found
+    return row

@@ -226,21 +226,21 @@ def pinned_beam_with_stop(
     return _beam("pinned-pinned", locals())
 
 
-def _beam(ends: str, given: Mapping[str, float]) -> ImpactSystem:
+def _beam(ends: str, numbers: Mapping[str, float]) -> ImpactSystem:
     """Return a beam of some ends, from the arguments of the four of them."""
-    length, width, thickness = given["length"], given["width"], given["thickness"]
-    shapes = beam_modes(ends, count("modes", given["modes"]))
-    per_length = given["density"] * width * thickness
+    length, width, thickness = numbers["length"], numbers["width"], numbers["thickness"]
+    shapes = beam_modes(ends, count("modes", numbers["modes"]))
+    per_length = numbers["density"] * width * thickness
     mass = per_length * length
-    rows = moving_row("stop_at", given["stop_at"], shapes), shapes.at(given["force_at"]), mass * shapes.means
+    rows = moving_row("stop_at", numbers["stop_at"], shapes), shapes.at(numbers["force_at"]), mass * shapes.means
     return ImpactSystem.from_modes(
-        frequencies=shapes.hertz(given["youngs_modulus"] * width * thickness**3 / 12.0, per_length, length),
-        damping_ratios=given["damping_ratio"],
+        frequencies=shapes.hertz(numbers["youngs_modulus"] * width * thickness**3 / 12.0, per_length, length),
+        damping_ratios=numbers["damping_ratio"],
         shapes=np.array(rows) / np.sqrt(mass),
         points=["stop", "force", "base"],
         force=Force(
-            frequency=given["frequency"],
-            harmonics={1: {"force": given["force"], "base": given["base_acceleration"]}},
+            frequency=numbers["frequency"],
+            harmonics={1: {"force": numbers["force"], "base": numbers["base_acceleration"]}},
         ),
-        stops=[Stop(direction={"stop": 1.0}, gap=given["gap"], restitution=given["restitution"], name="stop")],
+        stops=[Stop(direction={"stop": 1.0}, gap=numbers["gap"], restitution=numbers["restitution"], name="stop")],
     )

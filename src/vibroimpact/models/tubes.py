@@ -157,36 +157,36 @@ def clamped_tube_in_supports(
     return _tube("clamped-clamped", locals())
 
 
-def _tube(ends: str, given: Mapping[str, float]) -> ImpactSystem:
+def _tube(ends: str, numbers: Mapping[str, float]) -> ImpactSystem:
     """Return a tube of some ends, from the arguments of both of them."""
-    length, outer, wall_thickness = given["length"], given["outer_diameter"], given["wall_thickness"]
+    length, outer, wall_thickness = numbers["length"], numbers["outer_diameter"], numbers["wall_thickness"]
     inner = outer - 2.0 * wall_thickness
     if inner <= 0.0:
         raise invalid("wall_thickness", wall_thickness, f"less than half of `outer_diameter`, {outer / 2:g}")
     bore, disc = 0.25 * math.pi * inner**2, 0.25 * math.pi * outer**2
     wall = math.pi * wall_thickness * (outer - wall_thickness)
-    rigidity = given["youngs_modulus"] * wall * (outer**2 + inner**2) / 16.0
-    inside = given["inner_fluid_density"] * bore
-    outside = given["added_mass_coefficient"] * given["outer_fluid_density"] * disc
-    per_length = given["density"] * wall + inside + outside
-    shapes = beam_modes(ends, count("modes", given["modes"]))
-    rows = [moving_row(name, given[name], shapes) for name in ("first_support_at", "second_support_at")]
+    rigidity = numbers["youngs_modulus"] * wall * (outer**2 + inner**2) / 16.0
+    inside = numbers["inner_fluid_density"] * bore
+    outside = numbers["added_mass_coefficient"] * numbers["outer_fluid_density"] * disc
+    per_length = numbers["density"] * wall + inside + outside
+    shapes = beam_modes(ends, count("modes", numbers["modes"]))
+    rows = [moving_row(name, numbers[name], shapes) for name in ("first_support_at", "second_support_at")]
     sides = {f"{support}_{side}": {support: sign} for support in ("first", "second") for side, sign in _SIDES.items()}
     return ImpactSystem.from_modes(
         frequencies=shapes.hertz(rigidity, per_length, length),
-        damping_ratios=given["damping_ratio"],
+        damping_ratios=numbers["damping_ratio"],
         shapes=np.array([*rows, length * shapes.means]) / math.sqrt(per_length * length),
         points=["first", "second", "span"],
         force=Force(
-            frequency=given["frequency"],
-            harmonics={1: {"span": given["force_per_length"]}},
-            constant={"span": given["steady_force_per_length"]},
+            frequency=numbers["frequency"],
+            harmonics={1: {"span": numbers["force_per_length"]}},
+            constant={"span": numbers["steady_force_per_length"]},
         ),
         stops=[
             Stop(
                 direction=direction,
-                gap=0.5 * given["diametral_clearance"],
-                restitution=given["restitution"],
+                gap=0.5 * numbers["diametral_clearance"],
+                restitution=numbers["restitution"],
                 name=name,
             )
             for name, direction in sides.items()

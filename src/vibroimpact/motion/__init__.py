@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 # The one threshold of chaos: ln of the growth that carries the last binary digit of a double to the motion's own size.
 CERTAIN_GROWTH = 53 * math.log(2.0)
+NAMING = ("lyapunov_per_impact", "n_periods", "n_impacts")  # the indices that name a motion
 WITHOUT = "the motion without impacts"  # along the graze at which it first touches a stop
 WINDS = 1000  # impacts: in fewer a motion that settles slowly looks as if it never did
 

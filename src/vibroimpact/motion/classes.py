@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.dataset import dataset_of, flags, model_of, variable
-from vibroimpact.motion import MotionClass, decide, may_wind, stored
+from vibroimpact.motion import NAMING, MotionClass, decide, may_wind, stored
 from vibroimpact.parameters import invalid
 
 if TYPE_CHECKING:
     import xarray as xr
 
-NEEDED = ("lyapunov_per_impact", "n_periods", "n_impacts", "status")
+NEEDED = (*NAMING, "status")
 
 
 def classify(sweep: xr.Dataset) -> xr.Dataset:
@@ -89,12 +89,12 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
     dims = tuple(map(str, status.dims))
     growth = _growth(sweep).transpose(*dims).values
     n_periods, n_impacts = (sweep[name].transpose(*dims).values for name in ("n_periods", "n_impacts"))
-    several = may_wind(model_of(sweep))
-    impacts = (_sampled_impacts(sweep) + 0 * status).transpose(*dims).values if several else 0
+    winds = may_wind(model_of(sweep))
+    impacts = (_sampled_impacts(sweep) + 0 * status).transpose(*dims).values if winds else 0
     motion = stored(decide(status.values, growth, n_periods, n_impacts, impacts))
     n_impacts = np.where((n_periods > 0) | (motion == MotionClass.STICKING), n_impacts, 0)
     content = {
-        "motion": motion_variable(dims, motion, several=several),
+        "motion": motion_variable(dims, motion, winds=winds),
         "n_periods": variable("n_periods", dims, n_periods.astype(np.int32)),
         "n_impacts": variable("n_impacts", dims, n_impacts.astype(np.int32)),
         "status": status.variable,
@@ -102,9 +102,9 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
     return dataset_of(content, coords=status.coords, attrs=sweep.attrs | {"function": "classify"})
 
 
-def motion_variable(dims: Any, codes: NDArray[Any], *, several: bool = False) -> xr.Variable:
-    """Return classes of motion with their CF flag values and meanings; only of `several` coordinates quasi-periodic."""
-    kinds = [kind for kind in MotionClass if kind == kind.stored and (several or kind != MotionClass.QUASI_PERIODIC)]
+def motion_variable(dims: Any, codes: NDArray[Any], *, winds: bool = False) -> xr.Variable:
+    """Return classes of motion with their CF flag values and meanings; quasi-periodic is one where motion `winds`."""
+    kinds = [kind for kind in MotionClass if kind == kind.stored and (winds or kind != MotionClass.QUASI_PERIODIC)]
     return flags(dims, codes, "class of motion", [kind.word for kind in kinds])
 
 
@@ -144,8 +144,8 @@ def _check(sweep: Any) -> None:
         names.add("lyapunov_per_impact")
     missing = [name for name in NEEDED if name not in names]
     if missing:
-        wanted = ", ".join(repr(name) for name in NEEDED[:3])
+        indices = ", ".join(map(repr, NAMING))
         raise ValueError(
             f"`sweep` must hold exponents and cycles, but lacks {', '.join(missing)}; "
-            f"run parameter_map with indices=({wanted})"
+            f"run parameter_map with indices=({indices})"
         )

@@ -14,7 +14,7 @@ from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import model_of, start_of
 from vibroimpact.model.oscillator import ImpactOscillator
-from vibroimpact.motion import Motion, MotionClass, decide, may_wind
+from vibroimpact.motion import NAMING, Motion, MotionClass, decide, may_wind
 from vibroimpact.motion.neighbours import resolved, separations
 from vibroimpact.options import Tolerances
 from vibroimpact.parameters import invalid, real_number, whole_number
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from vibroimpact.model.system import ImpactSystem
 
-_NAMING = ("lyapunov_per_impact", "n_periods", "n_impacts")
 PERIODS_SAME = 1e-6  # driving periods: impacts so near to the end of a cycle are at it
 
 
@@ -77,16 +76,16 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
     _check(section, tolerance, longest)
     model: Any = model_of(section)
     status = Status(int(section["status"]))
-    find = _by_impacts if model.forgets else _by_states
-    found = find(section, model, tolerance=tolerance, longest=longest)
-    kind = MotionClass(int(decide(status, found.growth, found.n, found.p, found.sampled)))
+    examine = _by_impacts if model.forgets else _by_states
+    evidence = examine(section, model, tolerance=tolerance, longest=longest)
+    kind = MotionClass(int(decide(status, evidence.growth, evidence.n, evidence.p, evidence.sampled)))
     if kind not in (MotionClass.PERIODIC, MotionClass.STICKING):
         return Motion(kind.word, status=status)
-    velocity, phase = (section[name].values[found.cycle] for name in ("velocity", "phase"))
-    return Motion(kind.word, found.n, found.p, *_from_hardest(velocity, phase), status)
+    velocity, phase = (section[name].values[evidence.cycle] for name in ("velocity", "phase"))
+    return Motion(kind.word, evidence.n, evidence.p, *_from_hardest(velocity, phase), status)
 
 
-class _Found(NamedTuple):
+class _Evidence(NamedTuple):
     """What names a motion: n and p, 0 without a cycle; ln of the growth of perturbations over the sample; which impacts
     are those of the last cycle; and over how many impacts it may have been quasi-periodic.
     """
@@ -98,7 +97,7 @@ class _Found(NamedTuple):
     sampled: int = 0
 
 
-def _by_impacts(section: xr.Dataset, osc: ImpactOscillator, **limits: Any) -> _Found:
+def _by_impacts(section: xr.Dataset, osc: ImpactOscillator, **limits: Any) -> _Evidence:
     """Return what names a motion whose impacts are its whole state: from these alone."""
     status = Status(int(section["status"]))
     time, phase, velocity = (np.asarray(section[name], dtype=np.float64) for name in ("time", "phase", "velocity"))
@@ -116,23 +115,23 @@ def _by_impacts(section: xr.Dataset, osc: ImpactOscillator, **limits: Any) -> _F
         cycle[-p:] = True
     if not n and status.has_indices and status != Status.STICKING:
         growth = float(separations(osc, time, phase, velocity)[-1:].sum())
-    return _Found(n, p, growth, cycle & (n > 0))
+    return _Evidence(n, p, growth, cycle & (n > 0))
 
 
-def _by_states(section: xr.Dataset, system: ImpactSystem, **limits: Any) -> _Found:
+def _by_states(section: xr.Dataset, system: ImpactSystem, **limits: Any) -> _Evidence:
     """Return what names a motion of which a section holds a part: what does not repeat, or rests, is computed again."""
     status, period, keep = Status(int(section["status"])), system.period, 0
     n, p, growth = *system_cycle(section, period, **limits), 0.0
     if status.has_indices and (not n or section.sizes["stick"]):
-        how = json.loads(section.attrs["arguments"])
-        keep = how["sample_impacts"]
-        wanted = Measurement(ImpactWindow(how["transient_impacts"], keep), Tolerances(), indices=_NAMING)
-        found = get_backend("cpu").indices(system.cells({}, start_of(section)), wanted)
-        growth, n, p = (found[name][0] for name in _NAMING)
+        arguments = json.loads(section.attrs["arguments"])
+        keep = arguments["sample_impacts"]
+        measurement = Measurement(ImpactWindow(arguments["transient_impacts"], keep), Tolerances(), indices=NAMING)
+        values = get_backend("cpu").indices(system.cells({}, start_of(section)), measurement)
+        growth, n, p = (values[name][0] for name in NAMING)
         growth *= keep
     turns, number = section["time"].values / period, section.sizes["impact"]
     last = np.arange(number) >= number - p if p > 0 else turns > turns[-1:] - n + PERIODS_SAME
-    return _Found(int(n), int(p), growth, last, keep if may_wind(system) else 0)
+    return _Evidence(int(n), int(p), growth, last, keep if may_wind(system) else 0)
 
 
 def system_cycle(section: xr.Dataset, period: float, **limits: Any) -> tuple[int, int]:

@@ -225,7 +225,7 @@ def to_uniform(plane: xr.Dataset, *, shape: tuple[int, int] | None = None) -> xr
 
 
 def _check_plane(request: Request) -> None:
-    if request.scattered or request.several:
+    if request.scattered or request.n_starts:
         raise ValueError(
             "`refine` goes with a grid from one initial condition; leave out `points`, and give one `start` or none"
         )

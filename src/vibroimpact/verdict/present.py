@@ -14,7 +14,7 @@ from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runn
 from vibroimpact.coexistence.search import attractors_by, from_rest
 from vibroimpact.coexistence.systems import alike
 from vibroimpact.dataset import provenance
-from vibroimpact.labels import in_seconds, labelled_impacts
+from vibroimpact.labels import labelled_impacts
 from vibroimpact.model import Model, State
 from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.motion.recognition import recognise
@@ -95,7 +95,7 @@ def _by_impacts(model: Model, runner: Runner) -> Present:
         if orbit is not None and not orbit.sticks:
             motion = replace(motion, velocities=orbit.velocities, phases=orbit.phases)
         else:
-            section = labelled_impacts(samples, in_seconds(osc), provenance("impact_section", osc, {}), osc)
+            section = labelled_impacts(samples, osc, provenance("impact_section", osc, {}))
             recognised = recognise(section)
             motion = recognised if recognised.kind == motion.kind else motion
         pairs = zip(samples.impact_velocity.tolist(), samples.impact_phase.tolist(), strict=True)
