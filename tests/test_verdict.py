@@ -22,6 +22,7 @@ from vibroimpact.plotting import comparison_figure
 from vibroimpact.verdict import compare, describe
 from vibroimpact.verdict.advice import Advice
 from vibroimpact.verdict.changes import advice_text, edge_text
+from vibroimpact.verdict.compare import Comparison
 from vibroimpact.verdict.edges import Edge
 from vibroimpact.verdict.ranges import range_of
 
@@ -466,6 +467,24 @@ def test_two_designs_need_two_names():
     for names in (("A", "A"), ("A",), "AB", (1, 2)):
         with pytest.raises(ValueError, match="`names` must be two different names"):
             compare(osc, osc, names=names)
+
+
+def test_boundaries_of_two_designs_are_compared_by_parameter_and_direction():
+    """A family has other parameters than an oscillator: a row, and a place in the dataset, is for one of them."""
+    ball = vi.family(vi.models.bouncing_ball)
+    osc = vi.ImpactOscillator(omega=2.0)
+    both = Comparison(("A", "B"), (vi.describe(osc, parameters=["omega"]), vi.describe(ball, parameters=["amplitude"])))
+    rows = dict(re.findall(r"^(.*?)  +(.*)$", str(both), re.MULTILINE))
+    assert rows["amplitude, boundary above"].split()[0] == rows["omega, boundary above"].split()[-1] == "-"
+    data = both.dataset
+    assert data["parameter"].values.tolist() == ["omega", "amplitude"]
+    for at, verdict in enumerate(both.verdicts):
+        for edge in verdict.boundaries:
+            there = data["boundary"].sel(parameter=edge.parameter, direction=edge.direction)
+            assert there.values[at] == pytest.approx(edge.value, nan_ok=True)
+            assert np.isnan(there.values[1 - at])
+            kind = data["boundary_kind"].sel(parameter=edge.parameter, direction=edge.direction)
+            assert kind.attrs["flag_meanings"].split()[kind.values[at]] == edge.kind
 
 
 def test_the_figure_shows_both_designs_from_either_kind_of_input(comparison):

@@ -233,13 +233,10 @@ def _branches(
     orbits: Orbits[Any], parameter: str, span: Range, meter: Meter, step: float, doublings: int = 0
 ) -> list[Branch]:
     """Return the branches of the orbits found, then of those that are born at their period doublings."""
-    from vibroimpact.continuation import follow_all
+    from vibroimpact.continuation import continue_orbit, follow_all
 
     if orbits and orbits[0].sticks:
-        instead = "follow their end with `vibroimpact boundary --kind end-of-sticking`"
-        if not orbits[0].model.at().forgets:
-            instead = "find them value by value, with `vibroimpact orbit --impacts -1`"
-        raise WrongRequest(f"orbits that rest at the stop have no branch; {instead}")
+        return [continue_orbit(orbits[0], parameter, span, step=step, progress=meter)]
     return follow_all(
         [orbit for orbit in orbits if orbit.admissible] or orbits,
         parameter,

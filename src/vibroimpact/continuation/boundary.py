@@ -15,6 +15,7 @@ from vibroimpact.continuation.following import EDGE, MOST_POINTS, Way, both_ways
 from vibroimpact.continuation.points import Point
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, course
 from vibroimpact.continuation.sticking import LONGEST_STEP, MOST, Sticking, sticking_curve
+from vibroimpact.dataset import bifurcation_name
 from vibroimpact.model import Model, check_names
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking_end import KIND, StickingEnd
@@ -148,9 +149,9 @@ def check_plane(point: Any, parameters: Any, ranges: Any) -> Plane:
         raise invalid("point", point.outcome, "an end of sticking that was found", point.message)
     if not isinstance(point, (BifurcationPoint, StickingEnd)):
         raise invalid("point", point, "a BifurcationPoint", "take one from the `special` of a branch")
-    if point.kind == KIND and not point.orbit.oscillator.forgets:
-        hint = "for systems, find it value by value with end_of_sticking"
-        raise invalid("point", point.kind, "a bifurcation that is followed as a curve", hint)
+    if point.orbit.sticks and not point.orbit.oscillator.forgets:
+        hint = "find it again, value by value, with continue_orbit or end_of_sticking"
+        raise invalid("point", point.kind, "a bifurcation of an orbit that never rests, or of one mass", hint)
     return check_box(point.orbit.model, parameters, ranges, point.orbit)
 
 
@@ -177,7 +178,7 @@ def _beginning(point: BifurcationPoint, plane: Plane) -> Point:
     else:  # a pitchfork is the period doubling of half of a cycle
         equations, x = once.bounded(DOUBLING if point.kind == "pitchfork" else point.kind, x)
     if not np.abs(equations.misses(x)).max() <= NEAR:  # nor NaN, where no flight comes near the stop
-        what = f"satisfy the condition of a {point.kind.replace('_', ' ')}"
+        what = f"satisfy the condition of a {bifurcation_name(point.kind)}"
         raise NoBoundary(f"the orbit of `point` does not {what}; take a point from the `special` of a branch")
     solution, corrections, _ = equations.newton(x, equations.tangent(x, np.ones(len(x))))
     if not corrections:

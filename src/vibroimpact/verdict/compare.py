@@ -71,9 +71,9 @@ class Comparison:
         for name in INDICES:
             yield _labelled(*VARIABLES[name][:2]), _index(first, name), _index(second, name)
         yield "mean power lost [W]", _number(first.power), _number(second.power)
-        for edge, other in zip(first.boundaries, second.boundaries, strict=False):
-            side = "below" if edge.direction < 0 else "above"
-            yield f"{edge.parameter}, boundary {side}", _boundary(first, edge), _boundary(second, other)
+        for (varied, direction), (one, other) in self._boundaries().items():
+            side = "below" if direction < 0 else "above"
+            yield f"{varied}, boundary {side}", _boundary(first, one), _boundary(second, other)
         yield "coexisting motions", _others(first), _others(second)
 
     def _parameters(self) -> Iterator[tuple[Parameter, tuple[float, float]]]:
@@ -85,6 +85,11 @@ class Comparison:
         for name in dict.fromkeys([*first, *second]):
             model = models[0] if name in first else models[1]
             yield model.parameters[name], (first.get(name, math.nan), second.get(name, math.nan))
+
+    def _boundaries(self) -> dict[tuple[str, int], list[Edge | None]]:
+        """Return the boundaries of both designs by parameter and direction; None where one was not varied so."""
+        found = [{(edge.parameter, edge.direction): edge for edge in verdict.boundaries} for verdict in self.verdicts]
+        return {key: [edges.get(key) for edges in found] for key in dict.fromkeys([*found[0], *found[1]])}
 
     def _advice(self) -> Iterator[str]:
         for name, verdict in zip(self.names, self.verdicts, strict=True):
@@ -110,10 +115,9 @@ class Comparison:
         content["motion"] = plain_variable("design", _texts(motion), {"long_name": "name of the motion"})
         content |= _worst_variables(self.verdicts)
         content["status"] = status_variable("design", [Status[v.status.upper()] for v in self.verdicts])
-        first, second = (verdict.boundaries for verdict in self.verdicts)
-        varied = [edge.parameter for edge in first[::2]]
-        if len(first) == len(second):
-            content |= _boundary_variables(self.verdicts)
+        boundaries = self._boundaries()
+        varied = list(dict.fromkeys(parameter for parameter, _ in boundaries))
+        content |= _boundary_variables([[boundaries[name, way] for way in (-1, 1)] for name in varied])
         arguments = {"names": self.names, "oscillators": [verdict.oscillator.plain() for verdict in self.verdicts]}
         return dataset_of(
             content,
@@ -140,19 +144,23 @@ def _worst_variables(verdicts: tuple[Verdict, Verdict]) -> dict[str, xr.Variable
     }
 
 
-def _boundary_variables(verdicts: tuple[Verdict, Verdict]) -> dict[str, xr.Variable]:
-    dims, shape = ("design", "parameter", "direction"), (2, len(verdicts[0].boundaries) // 2, 2)
-    edges = [edge for verdict in verdicts for edge in verdict.boundaries]  # down and up in turn
+def _boundary_variables(boundaries: list[list[list[Edge | None]]]) -> dict[str, xr.Variable]:
+    """Return the boundaries, by parameter, direction and design, as variables."""
+    dims, shape = ("design", "parameter", "direction"), (len(boundaries), 2, 2)
+    edges = [edge for parameter in boundaries for direction in parameter for edge in direction]
+
+    def by_design(values: Iterable[Any], dtype: Any) -> np.ndarray[Any, Any]:
+        return np.moveaxis(np.array(list(values), dtype).reshape(shape), -1, 0)
 
     def numbers(name: str, long_name: str) -> xr.Variable:
-        values = np.array([getattr(edge, name) for edge in edges], dtype=np.float64)
-        return plain_variable(dims, values.reshape(shape), {"long_name": long_name})
+        values = by_design((getattr(edge, name, math.nan) for edge in edges), np.float64)
+        return plain_variable(dims, values, {"long_name": long_name})
 
     def onsets(name: str, words: str) -> xr.Variable:
-        values = np.array([getattr(getattr(edge, name), "value", math.nan) for edge in edges])
-        return plain_variable(dims, values.reshape(shape), {"long_name": f"{words}, in the parameter's unit"})
+        values = by_design((getattr(getattr(edge, name, None), "value", math.nan) for edge in edges), np.float64)
+        return plain_variable(dims, values, {"long_name": f"{words}, in the parameter's unit"})
 
-    kinds = np.array([list(BOUNDARIES).index(edge.kind) for edge in edges], np.int8)
+    kinds = by_design((list(BOUNDARIES).index(edge.kind if edge else "none") for edge in edges), np.int8)
     return {
         "boundary": numbers("value", "nearest boundary, in the parameter's unit"),
         "boundary_change": numbers("change", "relative change to the nearest boundary"),
@@ -161,7 +169,7 @@ def _boundary_variables(verdicts: tuple[Verdict, Verdict]) -> dict[str, xr.Varia
         ),
         "boundary_half_width": numbers("half_width", "uncertainty of the nearest boundary; 0 where exact"),
         **{f"boundary_{name}": onsets(name, words) for name, words in ONSETS.items()},
-        "boundary_kind": flags(dims, kinds.reshape(shape), "kind of the nearest boundary", BOUNDARIES),
+        "boundary_kind": flags(dims, kinds, "kind of the nearest boundary", BOUNDARIES),
     }
 
 
@@ -177,7 +185,9 @@ def _index(verdict: Verdict, name: str) -> str:
     return _number(shown_spread(verdict.indices[name], spread_scale(name, verdict.max_velocity)))
 
 
-def _boundary(verdict: Verdict, edge: Edge) -> str:
+def _boundary(verdict: Verdict, edge: Edge | None) -> str:
+    if edge is None:
+        return "-"
     if edge.at_once:
         return f"at once ({edge.what})"
     onsets = [f"{what} {onset.value:.5g}" for onset, what in onset_texts(edge)]
