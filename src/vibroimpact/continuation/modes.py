@@ -104,7 +104,8 @@ class Modes(Equations):
 
     def _design(self, values: tuple[float, ...]) -> tuple[Cycle, Floats]:
         flow = Flow(self.model.at(**dict(zip(self.names, values, strict=True))))
-        return replace(self.cycle, flow=flow), np.linalg.solve(flow.physical, self.basis)
+        transform: Any = np.linalg.solve(flow.physical, self.basis)
+        return replace(self.cycle, flow=flow), transform
 
     def _at(self, values: list[float]) -> tuple[Cycle, Floats]:
         """Return the cycle at the values in the ranges next to these, and its modes by those of the unknown."""
@@ -125,7 +126,7 @@ class Modes(Equations):
 
     def flights(self, x: Floats) -> Floats:
         """Return clearances at the impacts and by how much the cycle is open; straight on beyond the ranges."""
-        return self._extended(x, lambda at: self._linearised(at)[0])
+        return self._extended(x, self._misses)
 
     def conditions(self, x: Floats) -> list[float]:
         """Return the conditions that vanish on the boundary alone."""
@@ -142,27 +143,20 @@ class Modes(Equations):
                 extended = extended + abs(value - edge) / (high - low) * (base - function(moved)) / NUDGE
         return extended
 
-    def _linearised(self, x: Floats) -> tuple[Floats, Floats]:
-        """Return the scaled misses at the nearest values in the ranges, and their derivative by turns and state."""
-        return self._last(x.tobytes())
-
-    @cached_property
-    def _last(self) -> Callable[[bytes], tuple[Floats, Floats]]:
-        return lru_cache(1)(lambda content: self._linear(np.frombuffer(content)))
-
-    def _linear(self, x: Floats) -> tuple[Floats, Floats]:
+    def _misses(self, x: Floats) -> Floats:
+        """Return the scaled misses at the nearest values in the ranges."""
         p, (cycle, unknown), transform = self.impacts, self.solved(x), self._at(self.values(x))[1]
-        misses, matrix = cycle.linearised(unknown)
-        matrix = np.hstack([TURN * matrix[:, :p], matrix[:, p:] @ transform])
-        misses[:p] /= self.scale
-        matrix[:p] /= self.scale
-        back = np.linalg.solve(transform, np.column_stack([misses[p:], matrix[p:]]))
-        misses[p:], matrix[p:] = back[:, 0], back[:, 1:]
-        return misses, matrix
+        misses = cycle.misses(unknown)
+        return np.concatenate([misses[:p] / self.scale, np.linalg.solve(transform, misses[p:])])
 
     def flights_jacobian(self, x: Floats) -> Floats:
         """Return the derivative of the misses by turns and state."""
-        return self._linearised(x)[1]
+        p, (cycle, unknown), transform = self.impacts, self.solved(x), self._at(self.values(x))[1]
+        _, matrix = cycle.linearised(unknown)
+        matrix = np.hstack([TURN * matrix[:, :p], matrix[:, p:] @ transform])
+        matrix[:p] /= self.scale
+        matrix[p:] = np.linalg.solve(transform, matrix[p:])
+        return matrix
 
     def _conditions(self, x: Floats) -> Floats:
         cycle, unknown = self.solved(x)
@@ -239,11 +233,11 @@ class Modes(Equations):
 
     def reaching(self, x: Floats) -> Modes:
         """Return these equations with the `reach` of their parameters at x."""
-        base, reach = self._linearised(x)[0], []
+        base, reach = self._misses(x), []
         for j in range(self.size, len(x)):
             moved = x.copy()
             moved[j] += NUDGE if x[j] < 0.5 else -NUDGE
-            change = float(np.abs(self._linearised(moved)[0] - base).max()) / NUDGE
+            change = float(np.abs(self._misses(moved) - base).max()) / NUDGE
             reach.append(min(max(1.0 / change, 1e-3), 1.0) if change > 0.0 else 1.0)
         return replace(self, reach=tuple(reach))
 

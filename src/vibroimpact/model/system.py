@@ -237,12 +237,14 @@ class ImpactSystem(ByValue):
         checked = {name: self.parameters[name].check(value) for name, value in changes.items()}
         if "frequency" in checked:
             checked["omega"] = radians(checked["frequency"])
-        values = self.values | checked
-        force = Force(**{**self.force.arguments(), "omega": values["omega"]})
-        stops = [stop.replace(**{kind: values[f"{stop.name}_{kind}"] for kind in stop.kinds}) for stop in self.stops]
+        force, omega = self.force, checked.get("omega", self.omega)
+        if omega != self.omega:
+            force = Force(**{**force.arguments(), "omega": omega})
+        stops = tuple(_with_numbers(stop, checked) for stop in self.stops)
         changed = object.__new__(ImpactSystem)  # of matrices that are checked
-        vars(changed).update(self.arguments() | {"force": force, "stops": tuple(stops)})
-        check_room(changed.stops, changed.mass)
+        vars(changed).update(self.arguments() | {"force": force, "stops": stops})
+        if any(stop is not before for stop, before in zip(stops, self.stops, strict=True)):
+            check_room(stops, self.mass)
         if "_modal" in vars(self):
             vars(changed)["_modal"] = self._modal.replace(force, stops)
         return changed
@@ -394,3 +396,9 @@ class ImpactSystem(ByValue):
         """Return a . q in contact, for every stop at some time."""
         bounds: Floats = np.array([stop.gap + stop.shift(self.omega * time) for stop in self.stops], np.float64)
         return bounds
+
+
+def _with_numbers(stop: Stop, values: Mapping[str, float]) -> Stop:
+    """Return a stop with those of its numbers that are among values of the parameters of its system."""
+    changes = {kind: values[name] for kind in stop.kinds if (name := f"{stop.name}_{kind}") in values}
+    return stop.replace(**changes) if changes else stop

@@ -14,7 +14,7 @@ from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import FEWEST_SAMPLES, STRIDE, TURN
 from vibroimpact.orbits.systems.cycle import Cycle, Leg
 from vibroimpact.orbits.systems.events import PUSH_AGAIN, Pushing
-from vibroimpact.orbits.systems.flow import Flow
+from vibroimpact.orbits.systems.flow import Flow, blocks
 
 MOST_SAMPLES = 1 << 16  # in a leg
 TERMS = 14  # of a power series over one stride: 0.15^14/14! is below rounding
@@ -207,7 +207,7 @@ def sampled(leg: Leg) -> Samples:
 def clearances(flow: Flow, pushing: Pushing) -> Floats:
     """Return the coefficients of the power series of each clearance as linear forms of state and drive."""
     phase = flow.phase(pushing)
-    whole = np.block([[phase.matrix, phase.load], [np.zeros(phase.load.T.shape), flow.turning]])
+    whole = blocks(phase.matrix, phase.load, np.zeros(phase.load.T.shape), flow.turning)
     series = np.zeros((len(flow.beta), TERMS, len(whole)))
     series[:, 0] = np.hstack([-flow.beta / flow.units, np.zeros_like(flow.beta), flow.bounds])
     for j in range(1, TERMS):

@@ -191,16 +191,25 @@ class Cycle:
         """Whether the events follow one another, the first of the next cycle included."""
         return bool((np.diff(self.angles(unknown)) > 0.0).all())
 
+    def misses(self, unknown: Floats) -> Floats:
+        """Return the levels at the events, then by how much the cycle is open."""
+        p, states, drives = len(self.events), self.states(unknown), self.flow.drive(self.angles(unknown))
+        levels = [self.flow.level(*at)[0] for at in zip(self.events, states, drives, strict=False)]
+        closure = states[-1] - self.sign * unknown[p:]
+        if len(self.flow.centre):
+            closure = self.pinned(closure[:, None], unknown[p:, None])[:, 0]
+        return np.concatenate([levels, closure])
+
     def linearised(self, unknown: Floats) -> tuple[Floats, Floats]:
-        """Return the misses and their derivative: the levels at the events, then by how much the cycle is open."""
+        """Return the misses and their derivative."""
         flow, p, n = self.flow, len(self.events), self.flow.n
-        angles, x = self.angles(unknown), unknown[p:]
+        angles, states = self.angles(unknown), self.states(unknown)
         drives = flow.drive(angles)
         slope = np.hstack([np.zeros((2 * n, p)), np.eye(2 * n)])
-        misses, matrix = np.zeros(p + 2 * n), np.zeros((p + 2 * n, p + 2 * n))
+        matrix = np.zeros((p + 2 * n, p + 2 * n))
         for i, event in enumerate(self.events):
-            z, pushing = drives[i], self.phases[i + 1]
-            misses[i], row, rise = flow.level(event, x, z)
+            x, z, pushing = states[i], drives[i], self.phases[i + 1]
+            _, row, rise = flow.level(event, x, z)
             matrix[i] = row @ slope
             matrix[i, i] += rise
             after = flow.struck(event.stop, x, z)
@@ -209,16 +218,14 @@ class Cycle:
                 slope = by_state @ slope
                 slope[:, i] += by_angle
             slope[:, i] -= flow.rate(after, z, pushing)
-            grown, driven = flow.over(angles[i + 1] - angles[i], pushing)
-            x, slope = after + grown @ after + driven @ z, slope + grown @ slope
-            slope[:, (i + 1) % p] += flow.rate(x, drives[i + 1], pushing)
-        misses[p:] = x - self.sign * unknown[p:]
+            grown, _ = flow.over(angles[i + 1] - angles[i], pushing)
+            slope = slope + grown @ slope
+            slope[:, (i + 1) % p] += flow.rate(states[i + 1], drives[i + 1], pushing)
         matrix[p:] = slope
         matrix[p:, p:] -= self.sign * np.eye(2 * n)
         if len(flow.centre):
-            misses[p:] = self.pinned(misses[p:, None], unknown[p:, None])[:, 0]
             matrix[p:] = self.pinned(matrix[p:], np.eye(2 * n, p + 2 * n, p))
-        return misses, matrix
+        return self.misses(unknown), matrix
 
     @cached_property
     def _pin(self) -> tuple[Floats, Floats]:

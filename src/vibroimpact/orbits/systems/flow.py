@@ -48,6 +48,14 @@ def growth(matrix: Floats) -> Floats:
     return grown
 
 
+def blocks(one: Floats, two: Floats, three: Floats, four: Floats) -> Floats:
+    """Return [[one, two], [three, four]]; `np.block` takes much longer to see what it is given."""
+    n, m = one.shape
+    whole = np.empty((n + len(three), m + two.shape[1]))
+    whole[:n, :m], whole[:n, m:], whole[n:, :m], whole[n:, m:] = one, two, three, four
+    return whole
+
+
 class Phase(NamedTuple):
     """The law x' = matrix x + load z while some stops push, and that of turned x and z over `sizes`, for exponentials.
 
@@ -91,7 +99,7 @@ class Flow:
         self.turning[first + len(self.orders), first] = -self.orders
         to_displacement, to_rate = form.shapes / roots / self.units, self.omega * form.shapes / roots
         none = np.zeros((self.n, self.n))
-        self.physical = np.block([[to_displacement, none], [none, to_rate]])
+        self.physical = blocks(to_displacement, none, none, to_rate)
         self._phases: dict[Pushing, Phase] = {}
         self._flights: dict[tuple[float, Pushing], tuple[Floats, Floats]] = {}
 
@@ -117,14 +125,14 @@ class Flow:
             push = push + np.outer(row, k * bound + c * bound @ self.turning)
         units, none = np.sqrt(np.maximum(np.diag(elastic), 1.0)) if stiff else self.units, np.zeros((n, n))
         # y'' = -elastic y - viscous y' + push z for the state (units y, y')
-        matrix = np.block([[none, np.diag(units)], [-elastic / units, -viscous]])
+        matrix = blocks(none, np.diag(units), -elastic / units, -viscous)
         load = np.vstack([np.zeros_like(push), push])
         whole, sizes = self._whole(matrix, load)
         fastest = float(max(units.max(), np.abs(viscous).sum(axis=1).max(), self.orders.max(initial=1.0)))
         if not stiff:
             return Phase(matrix, load, whole, sizes, fastest)
-        turned = np.block([[units[:, None] * turn.T / self.units, none], [none, turn.T]])
-        back = np.block([[self.units[:, None] * turn / units, none], [none, turn]])
+        turned = blocks(units[:, None] * turn.T / self.units, none, none, turn.T)
+        back = blocks(self.units[:, None] * turn / units, none, none, turn)
         return Phase(back @ matrix @ turned, back @ load, whole, sizes, fastest, turned, back)
 
     def _whole(self, matrix: Floats, load: Floats) -> tuple[Floats, Floats]:
@@ -133,7 +141,7 @@ class Flow:
         pairs = np.hypot(*sizes[1:].reshape(2, -1))  # sine and cosine of one order have one scale
         sizes = np.concatenate([sizes[:1], pairs, pairs])
         sizes[sizes == 0.0] = 1.0
-        return np.block([[matrix, load / sizes], [np.zeros(load.T.shape), self.turning]]), sizes
+        return blocks(matrix, load / sizes, np.zeros(load.T.shape), self.turning), sizes
 
     def over(self, angle: float | Floats, pushing: Pushing = ()) -> tuple[Floats, Floats]:
         """Return Phi - 1 and Psi of a flight over an angle, or of flights over many."""
