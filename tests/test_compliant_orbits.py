@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import vibroimpact as vi
-from vibroimpact.continuation import continue_boundary, continue_orbit, switch_branch
 
 KELVIN_VOIGT = 0.571740027585  # restitution of z = 0.2, let go where the force is zero
 
@@ -81,7 +80,7 @@ def of_one_stop(found):
 
 @pytest.fixture(scope="module")
 def branch():
-    return continue_orbit(vi.find_orbit(two_masses)[0], "omega", (0.6, 0.8))
+    return vi.continue_orbit(vi.find_orbit(two_masses)[0], "omega", (0.6, 0.8))
 
 
 @pytest.mark.long
@@ -104,7 +103,7 @@ def test_two_masses_on_a_one_sided_spring_have_a_neimark_sacker_point(branch):
 @pytest.mark.long
 def test_two_masses_on_a_one_sided_spring_swing_farthest_where_it_is_known():
     # There the constant part counts half: sqrt(q_0^2/2 + sum |q_h|^2/2) of the displacement.
-    found = continue_orbit(vi.find_orbit(two_masses.replace(omega=0.754))[0], "omega", (0.7525, 0.7552), step=0.02)
+    found = vi.continue_orbit(vi.find_orbit(two_masses.replace(omega=0.754))[0], "omega", (0.7525, 0.7552), step=0.02)
     swings = []
     for orbit in found.orbits:
         displacement, _, _ = orbit.motion(np.linspace(0.0, orbit.period, 512, endpoint=False))
@@ -129,7 +128,7 @@ def test_a_contact_is_born_where_the_motion_without_stops_swings_as_far_as_the_g
 @pytest.mark.long
 def test_without_damping_multipliers_go_on_beyond_a_graze():
     begin = of_one_stop(vi.find_orbit(between.replace(below=1.4, gap=0.2, omega=2.0, stiffness=100.0), stops="above"))
-    found = continue_orbit(begin, "below", (1.0, 1.5))
+    found = vi.continue_orbit(begin, "below", (1.0, 1.5))
     (graze,) = (point for point in found.special if point.kind == "grazing")
     born = next(
         orbit for orbit in found.orbits if orbit.n_impacts == 2 and abs(orbit.value("below") - graze.value) < 1e-5
@@ -237,10 +236,10 @@ def test_every_motion_of_one_contact_that_a_sweep_of_the_gap_meets_is_found(part
         design, swing = a_random_design(rng)
         gaps = swing * np.linspace(0.3, 1.3, 12)
         for direction in ("up", "down"):
-            seen = vi.bifurcation_diagram(
+            diagram = vi.bifurcation_diagram(
                 design, direction=direction, transient_impacts=300, sample_impacts=4, gap=gaps
             )
-            for gap, velocities, stops in zip(gaps, seen["velocity"].values, seen["stop"].values, strict=True):
+            for gap, velocities, stops in zip(gaps, diagram["velocity"].values, diagram["stop"].values, strict=True):
                 if np.isnan(velocities).any() or np.ptp(velocities) > 1e-9 * velocities[0] or np.ptp(stops):
                     continue
                 met += 1
@@ -395,8 +394,8 @@ def test_what_random_motions_settle_to_is_an_orbit_with_the_same_velocities_and_
         else:
             continue
         repeating += 1
-        found = vi.find_orbit(system, n_periods=n, n_impacts=p)
-        orbit = next(one for one in found if one.stable and one.admissible)
+        orbits = vi.find_orbit(system, n_periods=n, n_impacts=p)
+        orbit = next(one for one in orbits if one.stable and one.admissible)
         for name in ("velocity", "impulse"):
             expected = np.sort(hits[name].values[-1 - p : -1])
             own = np.sort(orbit.velocities if name == "velocity" else orbit.impulses)
@@ -464,13 +463,13 @@ def test_the_closed_form_of_a_rigid_stop_stays_beside_a_stop_that_gives():
 @pytest.fixture(scope="module")
 def symmetric():
     (orbit,) = vi.find_orbit(between, stops="above", symmetric=True)
-    return continue_orbit(orbit, "omega", (1.8, 3.2), step=0.05)
+    return vi.continue_orbit(orbit, "omega", (1.8, 3.2), step=0.05)
 
 
 def test_between_two_equal_springs_twins_are_born_at_a_pitchfork(symmetric):
     (point,) = (point for point in symmetric.special if point.kind == "pitchfork")
     assert min(abs(value + 1.0) for value in point.orbit.half_multipliers) < 1e-10
-    twin = switch_branch(point)
+    twin = vi.switch_branch(point)
     assert not twin.symmetric
     assert twin.n_periods == 1
     assert twin.velocities[0] != pytest.approx(twin.velocities[1], rel=1e-6)
@@ -481,7 +480,7 @@ def test_between_two_equal_springs_twins_are_born_at_a_pitchfork(symmetric):
 
 def test_a_curve_of_pitchforks_is_followed_over_the_gap(symmetric):
     (point,) = (point for point in symmetric.special if point.kind == "pitchfork")
-    curve = continue_boundary(point, ("omega", "stiffness"), ((2.0, 2.3), (25.0, 35.0)), step=0.1)
+    curve = vi.continue_boundary(point, ("omega", "stiffness"), ((2.0, 2.3), (25.0, 35.0)), step=0.1)
     assert curve.kind == "pitchfork"
     assert max(curve.residuals) < 1e-10
 
@@ -491,7 +490,7 @@ def test_a_curve_of_pitchforks_is_followed_over_the_gap(symmetric):
 def test_every_boundary_is_a_ray_of_force_over_gap(branch, number):
     # Motion in units of the gap depends on the force over the gap alone.
     point = branch.special[number]
-    curve = continue_boundary(point, ("gap", "push"), ((0.5, 2.0), (0.05, 0.2)), step=0.05)
+    curve = vi.continue_boundary(point, ("gap", "push"), ((0.5, 2.0), (0.05, 0.2)), step=0.05)
     assert curve.kind == point.kind
     ratios = [orbit.value("push") / orbit.value("gap") for orbit in curve.orbits]
     assert ratios == pytest.approx([0.1] * len(ratios), rel=1e-11)
@@ -503,11 +502,11 @@ def test_every_boundary_is_a_ray_of_force_over_gap(branch, number):
 @pytest.mark.parametrize("kind", ["neimark_sacker", "fold"])
 def test_a_boundary_passes_through_the_special_points_of_a_branch_beside(branch, kind):
     point = next(point for point in branch.special if point.kind == kind)
-    curve = continue_boundary(point, ("omega", "gap"), ((0.6, 0.8), (0.9, 1.1)), step=0.05)
+    curve = vi.continue_boundary(point, ("omega", "gap"), ((0.6, 0.8), (0.9, 1.1)), step=0.05)
     beside = min(curve.orbits, key=lambda orbit: abs(orbit.value("gap") - 0.95))
     model, omega = two_masses.replace(gap=beside.value("gap")), beside.value("omega")
     start = vi.find_orbit(model.replace(omega=omega - 0.002), stops=beside.stops, near=beside)[0]
-    crossing = continue_orbit(start, "omega", (omega - 0.004, omega + 0.002))
+    crossing = vi.continue_orbit(start, "omega", (omega - 0.004, omega + 0.002))
     assert min(abs(value - omega) for value in specials(crossing, kind)) < 1e-10
 
 
@@ -524,7 +523,7 @@ def test_the_boundaries_of_a_plane_are_found_without_a_guess():
     assert rays["grazing"] == pytest.approx([steady] * len(rays["grazing"]), rel=1e-12)
     (doubling,) = (
         point
-        for point in continue_orbit(vi.find_orbit(one)[0], "gap", (0.04, 0.06)).special
+        for point in vi.continue_orbit(vi.find_orbit(one)[0], "gap", (0.04, 0.06)).special
         if point.kind == "period_doubling"
     )
     assert rays["period_doubling"] == pytest.approx([doubling.value] * len(rays["period_doubling"]), rel=1e-10)

@@ -173,17 +173,17 @@ def test_a_simulation_goes_to_every_file_and_is_drawn_from_it(run, tmp_path, mot
     ],
 )
 def test_commands_tell_of_stops_that_give(run, command, words):
-    code, told, complaints = run(command)
+    code, lines, complaints = run(command)
     assert code == 0, complaints
-    assert any(re.search(words, line) for line in told), told
+    assert any(re.search(words, line) for line in lines), lines
 
 
 @pytest.mark.long
 def test_a_map_of_forces_is_told_stored_and_drawn(run, tmp_path):
     plane = "--x buffer_stiffness=40:60:3 --y omega=1.2:1.4:2 --indices max_force,work_rate --sample-impacts 50"
-    code, told, _ = run(f"map {OWN} {plane}")
+    code, lines, _ = run(f"map {OWN} {plane}")
     assert code == 0
-    assert any(line.startswith("largest force of a compliant stop (max_force): ") and " N" in line for line in told)
+    assert any(line.startswith("largest force of a compliant stop (max_force): ") and " N" in line for line in lines)
     assert run(f"map {OWN} {plane} --by-stop --out each.zarr")[0] == 0
     each = vi.load(tmp_path / "each.zarr")
     assert each["max_force"].sel(stop="wall").isnull().all()
@@ -210,7 +210,5 @@ def test_a_map_of_forces_is_told_stored_and_drawn(run, tmp_path):
         ),
     ],
 )
-def test_what_a_stop_that_gives_has_not_is_refused_in_one_line(run, command, words):
-    code, told, complaints = run(command)
-    assert (code, told, len(complaints)) == (2, [], 1), complaints
-    assert words in complaints[0]
+def test_what_a_stop_that_gives_has_not_is_refused_in_one_line(refused, command, words):
+    assert words in refused(command)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from explorers import received
 from vibroimpact.explorer.address import from_query, keys, ranges_for, to_query
 from vibroimpact.explorer.limits import granted, stiffness
 from vibroimpact.explorer.models import finder, first_view, only_known, opened, usual_range
-from vibroimpact.explorer.plane import SIDES, TRANSIENT, Plane, lattice, sides
+from vibroimpact.explorer.plane import SIDES, TRANSIENT, lattice, sides
 from vibroimpact.explorer.point import compute_point
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import View, parameter_label, table
@@ -141,8 +142,7 @@ def test_lattices_hold_the_coarser_ones_also_those_of_systems():
 
 
 @pytest.mark.long
-def test_a_system_is_explored_with_its_pins_diagram_and_undo():
-    heard = []
+def test_a_system_is_explored_with_its_pins_diagram_and_undo(heard):
     view = replace(of("two_sided_oscillator"), samples=200)
     explorer = Explorer(view, listener=heard.extend)
     explorer.start()
@@ -163,13 +163,12 @@ def test_a_system_is_explored_with_its_pins_diagram_and_undo():
     explorer.close()
 
 
-def test_a_combination_that_raises_is_refused_with_its_place_and_the_page_goes_on():
-    heard = []
+def test_a_combination_that_raises_is_refused_with_its_place_and_the_page_goes_on(heard):
     explorer = Explorer(opened(shaker, "shaker")[0], listener=heard.extend)
     assert explorer.view.y_range[1] == pytest.approx(1.2, rel=1e-3)  # as far as it can be made
     before = explorer.view
     assert not explorer.set_parameter("clearance_mm", 1.3)
-    (told,) = [content for what, content in heard if what == "message"]
+    (told,) = received(heard, "message")
     assert "shaker fails at" in told
     line = shaker.function.__code__.co_firstlineno + 4
     assert f"RuntimeError: the shaker has no room (test_explorer_models.py, line {line})" in told
@@ -211,10 +210,6 @@ def test_symbols_that_an_address_needs_for_itself_are_no_keys():
         return vi.ImpactOscillator(omega=x, amplitude=start, gap=gap)
 
     assert list(keys(odd)) == ["x_", "start_", "gap"]
-
-
-def test_what_no_cell_was_computed_of_is_no_plane():
-    assert Plane.unknown(of("two_sided_oscillator")).side == 0
 
 
 def test_a_notebook_has_the_page_below_its_cell_and_no_other_site_has():

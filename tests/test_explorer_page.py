@@ -2,12 +2,10 @@
 
 import contextlib
 import http.client
-import math
 import re
 import shutil
 import subprocess
 import sys
-import time
 from urllib.parse import urlsplit
 
 import pytest
@@ -22,19 +20,16 @@ FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "-
 # Without the limits of time: what a page shows in the end must not depend on how busy this machine is.
 SERVE = (
     "from vibroimpact.explorer import explore, session, work; "
-    "work.PLANE_SECONDS = session.LINE_SECONDS = float('inf'); session.SEARCH_SECONDS = float({limit!r}); "
+    "work.PLANE_SECONDS = session.LINE_SECONDS = session.SEARCH_SECONDS = float('inf'); "
     "explore({store!r}, port={port}, browser=False)"
 )
 QUICK = "m=1&c=0.01&k=1&f=1&w=2&r=0.8&g=0&x=w,1.8,2.2&y=m,0.9,1.1&index=std&n=200"
 
 
 @contextlib.contextmanager
-def serving(store=None, port=0, limit=math.inf):
-    process = subprocess.Popen(
-        [sys.executable, "-c", SERVE.format(store=store, port=port, limit=str(limit))],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+def serving(store=None, port=0, before=""):
+    code = before + SERVE.format(store=store, port=port)
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     try:
         line = process.stdout.readline()
         yield re.search(r"http://\S+", line).group()
@@ -59,17 +54,23 @@ def browser():
         started.close()
 
 
-@pytest.fixture
-def tab(browser, address):
-    """A tab that notes every request and every complaint; both are judged at the end of every test."""
+@contextlib.contextmanager
+def opened(browser, address):
     page = browser.new_page(viewport={"width": 1366, "height": 768}, accept_downloads=True)
-    complaints, requests = [], []
-    page.on("console", lambda message: message.type in ("error", "warning") and complaints.append(message.text))
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on("request", lambda request: requests.append(request.url))
     page.address = address
     yield page
     page.close()
+
+
+@pytest.fixture
+def tab(browser, address):
+    """A tab that notes every request and every complaint; both are judged at the end of every test."""
+    complaints, requests = [], []
+    with opened(browser, address) as page:
+        page.on("console", lambda message: message.type in ("error", "warning") and complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("request", lambda request: requests.append(request.url))
+        yield page
     outside = [
         url for url in requests if not url.startswith((address, address.replace("http", "ws"), "blob:", "data:"))
     ]
@@ -122,11 +123,9 @@ def test_a_click_shows_another_motion_and_the_address_tells_it(tab, browser):
     click(tab, 0.2, 0.3)
     until(tab, "!location.search.includes('w=2&')")
     there = tab.inner_text("#numbers")
-    other = browser.new_page()
-    other.address = tab.address
-    load(other, urlsplit(tab.url).query)
-    assert other.inner_text("#numbers") == there
-    other.close()
+    with opened(browser, tab.address) as other:
+        load(other, urlsplit(tab.url).query)
+        assert other.inner_text("#numbers") == there
 
 
 @pytest.mark.long
@@ -210,6 +209,11 @@ def test_a_slider_takes_arrows_and_leaves_other_keys_to_the_page(tab):
     until(tab, "document.getElementById('slider_gap').value === '250'")
 
 
+def shown_x(page):
+    """Return the ends of the x axis, as the address has them."""
+    return [*map(float, re.search(r"x=w,([^,&]+),([^,&]+)", page.url).groups())]
+
+
 def test_scrolling_zooms_and_computes_what_is_seen(tab):
     load(tab)
     box = tab.locator("#plane-plot").bounding_box()
@@ -219,7 +223,7 @@ def test_scrolling_zooms_and_computes_what_is_seen(tab):
         tab.mouse.wheel(0, -300)
     until(tab, "window.explorer.planes.some(p => p[0] === 256)")
     until(tab, "!location.search.includes('x=w,1.8,2.2')")
-    low, high = map(float, re.search(r"x=w,([^,&]+),([^,&]+)", tab.url).groups())
+    low, high = shown_x(tab)
     assert high - low < 0.35
     tab.keyboard.press("h")
     until(tab, "location.search.includes('x=w,0.025,5')")
@@ -235,22 +239,20 @@ def test_a_box_drawn_with_shift_becomes_the_plane_and_a_drag_moves_it(tab):
         tab.mouse.move(*(middle[axis] + 50 for axis in (0, 1)))
         tab.mouse.up()
 
-    def width():
-        low, high = map(float, re.search(r"x=w,([^,&]+),([^,&]+)", tab.url).groups())
-        return high - low
-
     box = tab.locator("#plane-canvas").bounding_box()
     middle = box["x"] + 62 + 0.5 * (box["width"] - 128), box["y"] + 150
     tab.keyboard.down("Shift")
     drag()
     tab.keyboard.up("Shift")
     tab.wait_for_function("!location.search.includes('x=w,1.8,2.2')")
-    boxed = width()
+    low, high = shown_x(tab)
+    boxed = high - low
     assert boxed == pytest.approx(0.4 * 100 / (box["width"] - 128), rel=0.02)
     before = tab.url
     drag()
     tab.wait_for_function(f"location.href !== {before!r}")
-    assert width() == pytest.approx(boxed, rel=1e-6)
+    low, high = shown_x(tab)
+    assert high - low == pytest.approx(boxed, rel=1e-6)
     assert "w=2&" in tab.url  # neither was a click
 
 
@@ -363,13 +365,12 @@ def test_the_link_holds_speed_and_zoom_too(tab, browser):
     until(tab, "location.hash.includes('portrait')")
     seen = tab.evaluate("Motion.plots.portrait.part")
     assert "#speed=2&portrait=" in tab.url
-    other = browser.new_page(viewport={"width": 1366, "height": 768})
-    other.goto(tab.url)
-    until(other, "window.explorer && window.explorer.drawn > 0 && Motion.plots.portrait.part")
-    assert other.evaluate("Motion.plots.portrait.part") == pytest.approx(seen, rel=1e-8)
-    assert other.input_value("#speed") == "2"
-    assert other.evaluate("Motion.plots.history.part") is None
-    other.close()
+    with opened(browser, tab.address) as other:
+        other.goto(tab.url)
+        until(other, "window.explorer && window.explorer.drawn > 0 && Motion.plots.portrait.part")
+        assert other.evaluate("Motion.plots.portrait.part") == pytest.approx(seen, rel=1e-8)
+        assert other.input_value("#speed") == "2"
+        assert other.evaluate("Motion.plots.history.part") is None
     click(tab, 0.2, 0.3)  # another motion is seen whole
     until(tab, "location.hash === '#speed=2'")
 
@@ -527,15 +528,15 @@ def test_the_page_says_that_it_connects_computes_and_is_ready(tab):
 
 @pytest.mark.long
 def test_a_page_that_loses_its_server_says_so_and_comes_back_with_what_it_showed(browser, tmp_path):
-    page = browser.new_page()
-    with serving(port=0) as found:
-        page.address = found
-        load(page)
-        page.fill("#number_restitution", "0.75")
-        page.press("#number_restitution", "Enter")
-        until(page, "location.search.includes('r=0.75')")
-    page.get_by_text("lost, reconnecting …").wait_for(timeout=PATIENCE)
-    with serving(port=urlsplit(found).port):
+    with contextlib.ExitStack() as ended:
+        with serving(port=0) as found:
+            page = ended.enter_context(opened(browser, found))
+            load(page)
+            page.fill("#number_restitution", "0.75")
+            page.press("#number_restitution", "Enter")
+            until(page, "location.search.includes('r=0.75')")
+        page.get_by_text("lost, reconnecting …").wait_for(timeout=PATIENCE)
+        ended.enter_context(serving(port=urlsplit(found).port))
         page.get_by_text("ready", exact=True).wait_for(timeout=PATIENCE)
         assert page.input_value("#number_restitution") == "0.75"
         page.close()
@@ -719,14 +720,12 @@ def test_hostile_addresses_give_a_message_and_the_usual_view(tab, query):
 
 def test_two_tabs_do_not_disturb_each_other(tab, browser):
     load(tab)
-    other = browser.new_page()
-    other.address = tab.address
-    load(other, QUICK.replace("w=2&", "w=2.1&"))
-    click(tab, 0.3, 0.3)
-    tab.wait_for_timeout(500)
-    assert "w=2.1&" in other.url
-    assert other.inner_text("#numbers") != tab.inner_text("#numbers")
-    other.close()
+    with opened(browser, tab.address) as other:
+        load(other, QUICK.replace("w=2&", "w=2.1&"))
+        click(tab, 0.3, 0.3)
+        tab.wait_for_timeout(500)
+        assert "w=2.1&" in other.url
+        assert other.inner_text("#numbers") != tab.inner_text("#numbers")
 
 
 @pytest.mark.long
@@ -739,13 +738,10 @@ def test_a_stored_study_opens(browser, tmp_path):
     vi.parameter_map(
         vi.ImpactOscillator(), omega=np.linspace(1.9, 2.1, 6), mass=[0.9, 1.0, 1.1], sample_impacts=50, store=path
     )
-    with serving(str(path)) as found:
-        page = browser.new_page()
-        page.address = found
+    with serving(str(path)) as found, opened(browser, found) as page:
         page.goto(found)
         until(page, "window.explorer && window.explorer.planes.length > 0")
         page.get_by_text("stored sweep run.zarr").wait_for(timeout=PATIENCE)
-        page.close()
 
 
 def test_other_pages_may_not_open_the_websocket(address):
@@ -787,36 +783,9 @@ def test_a_port_that_is_taken_is_refused_in_words(address):
 
 
 @pytest.mark.long
-def test_closing_a_tab_ends_its_session(browser, address):
-    page = browser.new_page()
-    page.address = address
-    load(page, QUICK)
-    page.close()
-    time.sleep(0.1)
-    again = browser.new_page()
-    again.address = address
-    load(again, QUICK)
-    again.close()
-
-
-@pytest.mark.long
-def test_boundaries_that_are_cut_short_are_told_of_in_the_status_line(browser):
-    with serving(limit=0.0) as found:
-        page = browser.new_page()
-        page.address = found
-        load(page)
-        page.keyboard.press("b")
-        until(page, "document.getElementById('message').textContent === 'boundaries incomplete: stopped after 0 s'")
-        page.close()
-
-
-@pytest.mark.long
-def test_a_page_for_which_there_is_no_room_says_so(browser, monkeypatch):
+def test_a_page_for_which_there_is_no_room_says_so(browser):
     full = "from vibroimpact.explorer import server; server.MOST_PAGES = 0; "
-    monkeypatch.setattr(sys.modules[__name__], "SERVE", full + SERVE)
-    with serving() as found:
-        page = browser.new_page()
+    with serving(before=full) as found, opened(browser, found) as page:
         page.goto(found)
         until(page, "document.getElementById('message').textContent.includes('Close one, then reload this page.')")
         assert page.locator("#message").is_visible()
-        page.close()

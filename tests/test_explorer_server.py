@@ -80,6 +80,14 @@ async def _parts(tab):
     return dict(json.loads(message[4:begin], object_hook=numbers, parse_constant=pytest.fail))
 
 
+async def _heard(tab, *kinds):
+    """Return the parts of messages until all that are waited for have come."""
+    parts = {}
+    while not parts.keys() >= {*kinds}:
+        parts |= await _parts(tab)
+    return parts
+
+
 async def _leave(tab):
     tab.close()
     while await tab.read_message() is not None:
@@ -135,10 +143,7 @@ def test_a_host_that_is_not_this_machine_is_refused(served, host):
 def test_work_begins_when_a_tab_enters_and_ends_when_it_is_closed_without_a_word_in_the_log(served, caplog):
     async def visit():
         tab = await served.enter()
-        parts = {}
-        while "marks" not in parts:
-            parts |= await _parts(tab)
-        assert parts["marks"]["x"] == 2.0
+        assert (await _heard(tab, "marks"))["marks"]["x"] == 2.0
         assert len(served.made) == 1
         await tab.write_message("type omega 2.1 1")
         await _until(lambda: served.begun[0].view.osc.omega == 2.1)
@@ -271,10 +276,7 @@ def test_one_page_too_many_is_answered_and_makes_none(served, monkeypatch):
 def test_an_address_that_cannot_be_read_is_answered_and_the_default_shown(served):
     async def visit():
         tab = await served.enter("m=heavy")
-        parts = {}
-        while "message" not in parts or "marks" not in parts:
-            parts |= await _parts(tab)
-        assert "This link cannot be shown" in parts["message"]["text"]
+        assert "This link cannot be shown" in (await _heard(tab, "message", "marks"))["message"]["text"]
         await _leave(tab)
 
     asyncio.run(visit())
@@ -289,9 +291,7 @@ def test_a_page_whose_picture_fails_goes_on_with_the_next(served, monkeypatch, c
         page.receive([("rest", None)])
         await _until(lambda: caplog.records)
         page.receive([("message", "still here")])
-        parts = {}
-        while "message" not in parts:
-            parts |= await _parts(tab)
+        await _heard(tab, "message")
         await _leave(tab)
 
     asyncio.run(visit())

@@ -182,15 +182,15 @@ def test_two_stops_struck_at_once_are_flagged_and_have_no_order(code):
         vi.Stop(direction=a, gap=gap, restitution=0.5) for a, gap in (([1, 0], 1.0), ([0, 1], 1.0), ([-1, 0], 9.0))
     ]
     pair = system(np.eye(2), np.zeros((2, 2)), [[3.0, -1.0], [-1.0, 3.0]], 1.0, stops, {1: [2.0, 2.0]})
-    seen = code.impacts(pair, [0.0, 0.0], [0.3, 0.3], number=6)
-    assert seen["stop"].tolist() == [0, 1] * 3
-    assert seen["simultaneous"].all()
+    hits = code.impacts(pair, [0.0, 0.0], [0.3, 0.3], number=6)
+    assert hits["stop"].tolist() == [0, 1] * 3
+    assert hits["simultaneous"].all()
     for part in ("time", "velocity", "impulse"):
-        assert seen[part][::2] == pytest.approx(seen[part][1::2], rel=1e-12)
+        assert hits[part][::2] == pytest.approx(hits[part][1::2], rel=1e-12)
     alone = system(1, 0, 2, 1.0, [vi.Stop(direction=1, gap=1.0, restitution=0.5)], {1: 2.0})
     once = code.impacts(alone, [0.0], [0.3], number=3)
     for part in ("time", "velocity"):
-        assert once[part] == pytest.approx(seen[part][::2], rel=1e-11)
+        assert once[part] == pytest.approx(hits[part][::2], rel=1e-11)
 
 
 def test_parallel_stops_share_a_contact(code):

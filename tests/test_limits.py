@@ -137,8 +137,8 @@ def test_a_verdict_scales_with_the_force_as_the_motion_does(power):
 def test_looks_at_a_motion_that_never_hits_end_past_their_budget_too():
     """Whatever else is known of its future, a step is a step."""
     osc, hasty = vi.ImpactOscillator(mass=1e-10, amplitude=0.0, omega=1.0, gap=1.0), vi.Tolerances(steps_per_impact=1)
-    found = vi.stroboscopic_section(osc, transient_periods=0, sample_periods=100, tolerances=hasty)
-    assert int(found["status"]) == vi.Status.BUDGET
+    looks = vi.stroboscopic_section(osc, transient_periods=0, sample_periods=100, tolerances=hasty)
+    assert int(looks["status"]) == vi.Status.BUDGET
 
 
 def test_an_orbit_whose_flight_is_too_long_to_be_followed_says_so():

@@ -7,7 +7,6 @@ hatch is explained by a legend, a colour bar or the only label of its axes.
 from functools import cache
 from itertools import combinations
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
@@ -20,11 +19,8 @@ from matplotlib.transforms import Affine2D
 
 import vibroimpact as vi
 from vibroimpact import figures, plotting
-from vibroimpact.continuation.boundary import continue_boundary
 from vibroimpact.dataset import VARIABLES
 from vibroimpact.indices import INDICES
-
-mpl.use("Agg")
 
 PAPER = vi.ImpactOscillator()
 TUBE = vi.ImpactOscillator(
@@ -78,7 +74,7 @@ def boundary_of(request):
     """Return the boundaries that begin in the special points of a branch."""
     branch, plane = sweep(request, "branch"), REQUESTS[request][1]
     box = [(values[0], values[-1]) for values in plane.values()]
-    return [continue_boundary(point, tuple(plane), tuple(box)) for point in branch.special[:2]]
+    return [vi.continue_boundary(point, tuple(plane), tuple(box)) for point in branch.special[:2]]
 
 
 FIGURES = {

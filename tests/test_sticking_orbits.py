@@ -8,9 +8,7 @@ import pytest
 import vibroimpact as vi
 from designs import RESTS
 from vibroimpact.coexistence.measuring import AT_REST, Runner, cells_of
-from vibroimpact.continuation import continue_boundary
-from vibroimpact.motion.recognition import recognise
-from vibroimpact.orbits.sticking import closes, end_of_sticking, find_sticking_orbit, from_release, scaling_exponent
+from vibroimpact.orbits.sticking import closes, find_sticking_orbit, from_release, scaling_exponent
 
 # The end of sticking of the default oscillator, by bisection with closed-form flights in 45 digits.
 END = 0.34718041326569632613
@@ -90,7 +88,7 @@ def test_a_settled_section_is_recognised_as_the_same_motion(numbers):
     transient = 20 * len(orbit.velocities) if numbers["omega"] < 1 else 0
     start = None if numbers["omega"] < 1 else orbit.start
     section = vi.impact_section(orbit.oscillator, start=start, transient_impacts=transient, sample_impacts=1000)
-    motion = recognise(section)
+    motion = vi.recognise(section)
     assert (motion.kind, motion.n_periods, motion.n_impacts) == ("sticking", orbit.n_periods, -1)
     assert motion.velocities[0] == pytest.approx(max(orbit.velocities), rel=1e-9)
     assert len(motion.velocities) == len(orbit.velocities)
@@ -155,9 +153,9 @@ def test_a_rest_that_rounding_repeats_is_no_orbit(osc):
     stick = from_release(osc, 1000)
     assert stick is not None
     assert find_sticking_orbit(osc) == []
-    found = vi.find_orbit(osc, n_periods=stick.periods, n_impacts=-1)
-    assert (found, found.outcome) == ([], "none")
-    assert "rounding decides" in found.message
+    orbits = vi.find_orbit(osc, n_periods=stick.periods, n_impacts=-1)
+    assert (orbits, orbits.outcome) == ([], "none")
+    assert "rounding decides" in orbits.message
 
 
 def test_maps_and_orbits_agree_on_which_rests_repeat():
@@ -218,7 +216,7 @@ def test_a_graze_in_the_flight_does_not_end_sticking():
 
 
 def test_the_end_of_sticking_of_the_default_oscillator_to_twenty_digits_by_independent_code():
-    point = end_of_sticking(vi.ImpactOscillator(), "omega", (0.3, 0.4))
+    point = vi.end_of_sticking(vi.ImpactOscillator(), "omega", (0.3, 0.4))
     assert point.found
     assert point.n_periods == 1
     assert point.value == pytest.approx(END, rel=1e-15)
@@ -231,19 +229,19 @@ def test_the_end_of_sticking_of_the_default_oscillator_to_twenty_digits_by_indep
 
 def test_the_end_is_the_same_from_either_side_and_in_hertz():
     osc = vi.ImpactOscillator()
-    assert end_of_sticking(osc, "omega", (0.36, 0.33)).value == pytest.approx(END, rel=1e-15)
-    assert 2 * math.pi * end_of_sticking(osc, "frequency", (0.05, 0.06)).value == pytest.approx(END, rel=1e-14)
+    assert vi.end_of_sticking(osc, "omega", (0.36, 0.33)).value == pytest.approx(END, rel=1e-15)
+    assert 2 * math.pi * vi.end_of_sticking(osc, "frequency", (0.05, 0.06)).value == pytest.approx(END, rel=1e-14)
 
 
 def test_the_end_scales_with_mass_and_damping():
-    scaled = end_of_sticking(vi.ImpactOscillator(mass=0.25, damping=0.005), "omega", (0.6, 0.8))
+    scaled = vi.end_of_sticking(vi.ImpactOscillator(mass=0.25, damping=0.005), "omega", (0.6, 0.8))
     assert scaled.value == pytest.approx(2 * END, rel=1e-14)
 
 
 @pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8, 0.9])
 def test_the_stuck_time_vanishes_with_the_power_that_self_similar_chatter_gives(restitution):
     osc = vi.ImpactOscillator(restitution=restitution)
-    end = end_of_sticking(osc, "omega", (0.05, 2.0)).value
+    end = vi.end_of_sticking(osc, "omega", (0.05, 2.0)).value
     near, far = (stuck_fraction(restitution=restitution, omega=end * (1 - d)) for d in (1e-10, 1e-7))
     assert math.log(far / near) / math.log(1e3) == pytest.approx(scaling_exponent(restitution), abs=0.02)
 
@@ -257,7 +255,7 @@ def test_the_exponent_of_the_stuck_time_runs_from_one_to_three_fifths():
 
 
 def test_without_restitution_sticking_ends_where_a_flight_lasts_from_release_to_release():
-    point = end_of_sticking(vi.ImpactOscillator(restitution=0.0), "omega", (1.0, 2.5))
+    point = vi.end_of_sticking(vi.ImpactOscillator(restitution=0.0), "omega", (1.0, 2.5))
     w, c = point.value, 0.01
     inertia, damper = 1 - w * w, c * w
     size = 1 / (inertia**2 + damper**2)
@@ -272,7 +270,7 @@ def test_without_restitution_sticking_ends_where_a_flight_lasts_from_release_to_
 
 def test_both_ends_of_a_period_2_window_are_ends_of_sticking():
     osc = vi.ImpactOscillator()
-    low, high = (end_of_sticking(osc, "omega", (3.005, away)) for away in (3.0, 3.0125))
+    low, high = (vi.end_of_sticking(osc, "omega", (3.005, away)) for away in (3.0, 3.0125))
     assert low.found
     assert high.found
     assert (low.n_periods, high.n_periods) == (2, 2)
@@ -283,7 +281,7 @@ def test_both_ends_of_a_period_2_window_are_ends_of_sticking():
 
 def test_a_longer_cycle_is_lost_to_the_end_of_a_shorter_one():
     # Period 6 at w = 3 gives way to period 2: the boundary found is where the chatter of period 2 is just complete.
-    point = end_of_sticking(vi.ImpactOscillator(), "omega", (3.0, 3.005))
+    point = vi.end_of_sticking(vi.ImpactOscillator(), "omega", (3.0, 3.005))
     assert point.n_periods == 2
     assert point.found
 
@@ -301,7 +299,7 @@ def test_a_longer_cycle_is_lost_to_the_end_of_a_shorter_one():
     ],
 )
 def test_sticking_ends_in_any_parameter_with_a_vanishing_stuck_time(numbers, parameter, between):
-    point = end_of_sticking(vi.ImpactOscillator(**numbers), parameter, between)
+    point = vi.end_of_sticking(vi.ImpactOscillator(**numbers), parameter, between)
     assert point.found
     assert point.stuck_fraction < 1e-8
     assert point.residual < 1e-10
@@ -309,7 +307,7 @@ def test_sticking_ends_in_any_parameter_with_a_vanishing_stuck_time(numbers, par
 
 
 def test_a_preload_that_is_never_lifted_is_no_end_of_sticking():
-    point = end_of_sticking(vi.ImpactOscillator(omega=0.1), "gap", (0.0, -1.1))
+    point = vi.end_of_sticking(vi.ImpactOscillator(omega=0.1), "gap", (0.0, -1.1))
     assert point.outcome == "pressed_for_ever"
     assert point.value == pytest.approx(-1.0, abs=1e-6)
     assert not point.found
@@ -317,7 +315,7 @@ def test_a_preload_that_is_never_lifted_is_no_end_of_sticking():
 
 @pytest.mark.parametrize("between", [(0.1, 0.2), (1.1, 1.2)])
 def test_without_a_change_between_no_end_is_made_up(between):
-    point = end_of_sticking(vi.ImpactOscillator(), "omega", between)
+    point = vi.end_of_sticking(vi.ImpactOscillator(), "omega", between)
     assert point.outcome == "no_change"
     assert "give values with a change" in point.message
     assert math.isnan(point.value)
@@ -325,7 +323,7 @@ def test_without_a_change_between_no_end_is_made_up(between):
 
 def test_a_stuck_time_that_jumps_is_never_passed_off_as_the_end_of_sticking():
     # After some fifty chaotic periods neighbouring numbers already come to rest in different periods.
-    point = end_of_sticking(vi.ImpactOscillator(), "omega", (2.8644, 2.8645))
+    point = vi.end_of_sticking(vi.ImpactOscillator(), "omega", (2.8644, 2.8645))
     assert point.outcome == "unresolved"
     assert point.stuck_fraction > 1e-3
     assert "magnifies rounding" in point.message
@@ -333,13 +331,13 @@ def test_a_stuck_time_that_jumps_is_never_passed_off_as_the_end_of_sticking():
 
 @pytest.fixture(scope="module")
 def default_end():
-    return end_of_sticking(vi.ImpactOscillator(), "omega", (0.3, 0.4))
+    return vi.end_of_sticking(vi.ImpactOscillator(), "omega", (0.3, 0.4))
 
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_without_a_gap_the_end_of_sticking_knows_no_amplitude(default_end, order):
     names, ranges = ("omega", "amplitude")[::order], ((0.2, 0.5), (0.5, 2.0))[::order]
-    curve = continue_boundary(default_end, names, ranges, step=0.02)
+    curve = vi.continue_boundary(default_end, names, ranges, step=0.02)
     omega, amplitude = curve.values.T[::order]
     assert curve.outcome == ("range", "range")
     assert omega == pytest.approx(END, rel=1e-14)
@@ -348,7 +346,7 @@ def test_without_a_gap_the_end_of_sticking_knows_no_amplitude(default_end, order
 
 
 def test_a_curve_that_begins_on_the_edge_of_the_ranges_leads_away_from_it(default_end):
-    curve = continue_boundary(default_end, ("omega", "mass"), ((default_end.value, 0.6), (0.5, 2.0)), step=0.02)
+    curve = vi.continue_boundary(default_end, ("omega", "mass"), ((default_end.value, 0.6), (0.5, 2.0)), step=0.02)
     assert curve.outcome == ("range", "range")
     assert curve.values[-1].tolist() == [default_end.value, 1.0]
     assert curve.values[0, 1] == 0.5
@@ -357,7 +355,7 @@ def test_a_curve_that_begins_on_the_edge_of_the_ranges_leads_away_from_it(defaul
 
 def test_a_curve_of_ends_of_sticking_may_be_stopped_on_request(default_end):
     plane = ("omega", "restitution"), ((0.1, 2.5), (0.0, 0.9))
-    curve = continue_boundary(default_end, *plane, progress=lambda done, total, partial: done < 5)
+    curve = vi.continue_boundary(default_end, *plane, progress=lambda done, total, partial: done < 5)
     assert curve.outcome == ("stopped", "stopped")
     assert 5 <= len(curve.orbits) <= 12
 
@@ -373,7 +371,7 @@ def test_a_curve_of_ends_of_sticking_may_be_stopped_on_request(default_end):
     ],
 )
 def test_all_along_the_curve_the_stuck_time_is_zero_and_sticking_lies_on_one_side(default_end, names, ranges):
-    curve = continue_boundary(default_end, names, ranges, step=0.02)
+    curve = vi.continue_boundary(default_end, names, ranges, step=0.02)
     assert curve.outcome == ("range", "range"), curve.message
     assert len(curve.orbits) > 10
     assert max(curve.residuals) < 1e-10
@@ -395,17 +393,17 @@ def test_all_along_the_curve_the_stuck_time_is_zero_and_sticking_lies_on_one_sid
 
 
 def test_the_curve_passes_through_ends_found_one_by_one(default_end):
-    curve = continue_boundary(default_end, ("omega", "mass"), ((0.1, 2.0), (0.1, 5.0)), step=0.02)
+    curve = vi.continue_boundary(default_end, ("omega", "mass"), ((0.1, 2.0), (0.1, 5.0)), step=0.02)
     omega, mass = curve.values.T
     for at in range(0, len(curve.orbits), 4):
         osc = vi.ImpactOscillator(mass=mass[at])
-        alone = end_of_sticking(osc, "omega", (0.98 * omega[at], 1.02 * omega[at]))
+        alone = vi.end_of_sticking(osc, "omega", (0.98 * omega[at], 1.02 * omega[at]))
         assert omega[at] == pytest.approx(alone.value, rel=1e-13)
 
 
 def test_a_tongue_of_period_2_sticking_is_followed_around_its_tip():
-    start = end_of_sticking(vi.ImpactOscillator(), "omega", (3.005, 3.0125))
-    curve = continue_boundary(start, ("omega", "restitution"), ((2.9, 3.1), (0.6, 0.99)), step=0.02)
+    start = vi.end_of_sticking(vi.ImpactOscillator(), "omega", (3.005, 3.0125))
+    curve = vi.continue_boundary(start, ("omega", "restitution"), ((2.9, 3.1), (0.6, 0.99)), step=0.02)
     assert curve.outcome == ("range", "range"), curve.message
     # At the tip a graze lies on the curve: there the stuck time has an infinite slope, and the root of 1e-16 is left.
     assert max(curve.residuals) < 1e-7
@@ -414,7 +412,7 @@ def test_a_tongue_of_period_2_sticking_is_followed_around_its_tip():
     assert restitution[[0, -1]] == pytest.approx([0.6, 0.6], rel=1e-14)
     assert restitution.max() > 0.93
     ends = [
-        end_of_sticking(vi.ImpactOscillator(restitution=0.6), "omega", (0.5 * sum(omega[[0, -1]]), away)).value
+        vi.end_of_sticking(vi.ImpactOscillator(restitution=0.6), "omega", (0.5 * sum(omega[[0, -1]]), away)).value
         for away in (2.9, 3.1)
     ]
     assert sorted(omega[[0, -1]]) == pytest.approx(sorted(ends), rel=1e-13)
@@ -425,19 +423,19 @@ def test_bad_requests_name_what_is_wrong(default_end):
     with pytest.raises(ValueError, match="`n_periods` must be .*, got 0"):
         find_sticking_orbit(osc, n_periods=0)
     with pytest.raises(ValueError, match="unknown parameter 'speed'"):
-        end_of_sticking(osc, "speed", (0.3, 0.4))
+        vi.end_of_sticking(osc, "speed", (0.3, 0.4))
     with pytest.raises(ValueError, match="`between` must be two different values"):
-        end_of_sticking(osc, "omega", (0.3, 0.3))
+        vi.end_of_sticking(osc, "omega", (0.3, 0.3))
     with pytest.raises(ValueError, match="`between` must be two values of omega, got 0.3"):
-        end_of_sticking(osc, "omega", 0.3)
+        vi.end_of_sticking(osc, "omega", 0.3)
     with pytest.raises(ValueError, match="`restitution` must be between 0 and 1, got 1.5"):
-        end_of_sticking(osc, "restitution", (0.3, 1.5))
+        vi.end_of_sticking(osc, "restitution", (0.3, 1.5))
     ranges = ((0.3, 0.4), (0.5, 2.0))
     with pytest.raises(ValueError, match="`step` must be .*, got 0"):
-        continue_boundary(default_end, ("omega", "mass"), ranges, step=0)
+        vi.continue_boundary(default_end, ("omega", "mass"), ranges, step=0)
     with pytest.raises(ValueError, match="two different parameters"):
-        continue_boundary(default_end, ("omega", "omega"), ranges)
+        vi.continue_boundary(default_end, ("omega", "omega"), ranges)
     with pytest.raises(ValueError, match="`range` must be .* holds the orbit's omega"):
-        continue_boundary(default_end, ("omega", "mass"), ((0.1, 0.2), (0.5, 2.0)))
+        vi.continue_boundary(default_end, ("omega", "mass"), ((0.1, 0.2), (0.5, 2.0)))
     with pytest.raises(ValueError, match="`point` must be .*, got 'no_change'"):
-        continue_boundary(end_of_sticking(osc, "omega", (0.1, 0.2)), ("omega", "mass"), ranges)
+        vi.continue_boundary(vi.end_of_sticking(osc, "omega", (0.1, 0.2)), ("omega", "mass"), ranges)

@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import pytest
 import xarray as xr
 from matplotlib import pyplot as plt
 
-import store_driver as driver
 import vibroimpact as vi
-from vibroimpact import parameters
+from processes import told_by
 from vibroimpact.backends.cpu import CpuBackend
 from vibroimpact.execution import threads
 from vibroimpact.execution.base import cut
 from vibroimpact.execution.store import SweepStore
-
-matplotlib.use("Agg")
 
 OSC = vi.ImpactOscillator()
 OMEGA, MASS = np.linspace(0.3, 4.0, 23), np.linspace(0.5, 2.0, 17)
@@ -227,15 +220,13 @@ def test_the_curve_of_a_partly_finished_store_says_which_part_is_missing(tmp_pat
 
 @pytest.mark.long
 def test_a_map_of_sixteen_million_cells_is_begun_in_bounded_memory(tmp_path):
-    command = [sys.executable, driver.__file__, "large", tmp_path / "run.zarr"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=240, check=True)
-    told = json.loads(done.stdout.splitlines()[-1])
-    assert 15_900_000 < told["missing"] < 16_000_000
-    assert told["MB"] < 1000.0  # a quarter of it once the kernels are compiled
+    report = told_by("large", tmp_path / "run.zarr")
+    assert 15_900_000 < report["missing"] < 16_000_000
+    assert report["MB"] < 1000.0  # a quarter of it once the kernels are compiled
 
 
-def test_only_what_cannot_work_is_refused_of_a_store(tmp_path, monkeypatch):
-    monkeypatch.setattr(parameters, "installed", lambda: 4_000_000)
+def test_only_what_cannot_work_is_refused_of_a_store(tmp_path, memory):
+    memory(4_000_000)
     wide = {"omega": np.linspace(1, 2, 20_000), "mass": np.linspace(1, 2, 5_000), "progress": lambda *news: False}
     stored = vi.parameter_map(OSC, store=tmp_path / "run.zarr", sample_impacts=1, **wide)  # 1e8 cells in 4 MB
     assert stored["status"].size == 100_000_000

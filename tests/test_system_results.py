@@ -6,8 +6,7 @@ import xarray as xr
 
 import systems as make
 import vibroimpact as vi
-from systems import one_mass, two_masses
-from test_system_basins import two_masses as random_masses
+from systems import one_mass, random_pair, two_masses, two_sided
 from vibroimpact import models
 from vibroimpact.dataset import model_of
 from vibroimpact.kernels.systems.series import SIZE
@@ -50,15 +49,17 @@ def test_a_motion_carried_to_the_same_value_goes_on():
     def unchanged(nothing=0.0):
         return two_masses()
 
-    found = vi.bifurcation_diagram(unchanged, direction="up", nothing=[0, 1, 2], transient_impacts=0, sample_impacts=4)
+    diagram = vi.bifurcation_diagram(
+        unchanged, direction="up", nothing=[0, 1, 2], transient_impacts=0, sample_impacts=4
+    )
     for name in ("velocity", "phase"):
-        np.testing.assert_allclose(found[name].values.ravel(), whole[name], rtol=1e-9)
+        np.testing.assert_allclose(diagram[name].values.ravel(), whole[name], rtol=1e-9)
 
 
 def test_a_motion_carried_into_stops_starts_before_them():
     wide, narrow = 0.06, -0.019  # the slot is almost closed
-    found = vi.bifurcation_diagram(two_masses(), direction="down", bar_gap=[narrow, wide], **SHORT)
-    assert (found["count"] == 30).all()
+    diagram = vi.bifurcation_diagram(two_masses(), direction="down", bar_gap=[narrow, wide], **SHORT)
+    assert (diagram["count"] == 30).all()
 
 
 def test_a_motion_is_carried_to_every_kind_of_end():
@@ -66,8 +67,8 @@ def test_a_motion_is_carried_to_every_kind_of_end():
     drifting = vi.ImpactSystem(
         mass=1.0, stiffness=0.0, force=vi.Force(omega=1.0, harmonics={1: 1.0}), stops=[vi.Stop(direction=-1, gap=0.1)]
     )
-    found = vi.bifurcation_diagram(drifting, direction="up", stop_1_gap=[0.1, 0.2], sample_impacts=5)
-    assert [vi.Status(int(code)).has_indices for code in found["status"]] == [False, False]
+    diagram = vi.bifurcation_diagram(drifting, direction="up", stop_1_gap=[0.1, 0.2], sample_impacts=5)
+    assert [vi.Status(int(code)).has_indices for code in diagram["status"]] == [False, False]
 
 
 @pytest.mark.parametrize(
@@ -84,8 +85,8 @@ def test_a_diagram_refuses_what_systems_have_not(more, words):
 
 
 def test_a_diagram_of_a_system_is_summed_up_in_words():
-    found = vi.bifurcation_diagram(vi.family(vi.models.impact_damper), frequency=[29.0, 30.0], **SHORT)
-    assert sentences_of(found)[0].startswith("2 values of driving frequency 29 to 30 Hz, each from rest at q = 0")
+    diagram = vi.bifurcation_diagram(vi.family(vi.models.impact_damper), frequency=[29.0, 30.0], **SHORT)
+    assert sentences_of(diagram)[0].startswith("2 values of driving frequency 29 to 30 Hz, each from rest at q = 0")
 
 
 # Pictures
@@ -238,6 +239,7 @@ RESULTS = {
     "stroboscopic": lambda: vi.stroboscopic_section(two_masses(), sample_periods=9),
     "diagram": lambda: vi.bifurcation_diagram(two_masses(), bar_gap=GAPS, **SHORT),
     "map": lambda: vi.parameter_map(vi.family(vi.models.impact_damper), clearance=[4e-3, 5e-3], **SHORT),
+    "branch": lambda: vi.continue_orbit(vi.find_orbit(two_sided(), n_impacts=2)[0], "omega", (1.9, 2.1)).dataset,
 }
 
 
@@ -271,9 +273,9 @@ def test_a_store_of_systems_goes_on_where_it_stopped_and_ends_with_the_bits_of_m
     how = {**axes, "transient_impacts": 20, "sample_impacts": 200}
     stored = {"store": tmp_path / "map.zarr", "tile": 20, "workers": 1}
     vi.parameter_map(model, **how, **stored, progress=lambda *_: False)
-    told = run("info map.zarr")[1]
-    assert "continue with: the same parameter_map(..., store=...) call" in told
-    assert not any(line.startswith("10 of 10") for line in told)
+    lines = run("info map.zarr")[1]
+    assert "continue with: the same parameter_map(..., store=...) call" in lines
+    assert not any(line.startswith("10 of 10") for line in lines)
     vi.parameter_map(model, **how, **stored)
     assert any(line.startswith("10 of 10 tiles done") for line in run("info map.zarr")[1])
     memory, loaded = vi.parameter_map(model, **how), vi.load(tmp_path / "map.zarr")
@@ -337,7 +339,7 @@ def test_a_map_of_one_stop_says_in_which_cells_it_is_not_struck(shown):
     plane = {"omega": np.linspace(0.8, 2.2, 8), "left_gap": np.linspace(0.1, 1.2, 6)}
     names = ("max_velocity", "impact_phase_spread", "impacts_per_period")
     how = {"by_stop": True, "indices": names, "transient_impacts": 300, "sample_impacts": 50}
-    sweep = vi.parameter_map(random_masses(4), **plane, **how)
+    sweep = vi.parameter_map(random_pair(4), **plane, **how)
     for stop in ("left", "right"):
         own = sweep.sel(stop=stop)
         count = int((own["impacts_per_period"] == 0.0).sum())
@@ -373,13 +375,13 @@ def test_the_share_of_time_at_rest_is_that_of_the_rests():
     sweep = vi.parameter_map(pair, omega=[0.3], by_stop=True, indices=("stick_fraction", "n_periods"), **how).isel(
         omega=0
     )
-    seen = vi.impact_section(pair, **how)
+    hits = vi.impact_section(pair, **how)
     periods = int(sweep["n_periods"])
     assert periods > 0
-    time = seen["time"].values
+    time = hits["time"].values
     for number, name in enumerate(pair.stop_names):
-        own = seen["stick_stop"].values == name
-        begun, ended = seen["stick_time"].values[own], seen["release_time"].values[own]
+        own = hits["stick_stop"].values == name
+        begun, ended = hits["stick_time"].values[own], hits["release_time"].values[own]
         within = (begun >= time[0]) & (begun < time[0] + periods * pair.period * (1 - 1e-9))
         share = (ended - begun)[within].sum() / (periods * pair.period)
         assert float(sweep["stick_fraction"][number]) == pytest.approx(share, rel=1e-9, abs=1e-12)
@@ -427,12 +429,12 @@ def test_the_closest_miss_is_the_least_clearance_between_impacts():
         "sample_impacts": 99,
     }
     osc = vi.ImpactOscillator(damping=0.1, gap=0.3)
-    one, own = vi.parameter_map(osc, **asked), vi.parameter_map(one_mass(osc), **asked)
+    one, cells = vi.parameter_map(osc, **asked), vi.parameter_map(one_mass(osc), **asked)
     cycles = (one["n_periods"] > 0).values
     assert cycles.sum() > 20
     finite = np.isfinite(one["grazing_margin"].values[cycles])
     assert 3 < finite.sum() < cycles.sum()
-    np.testing.assert_allclose(own["grazing_margin"].values[cycles], one["grazing_margin"].values[cycles], atol=1e-9)
+    np.testing.assert_allclose(cells["grazing_margin"].values[cycles], one["grazing_margin"].values[cycles], atol=1e-9)
 
     pair = two_masses()
     how = {"transient_impacts": 500, "sample_impacts": 60}
@@ -475,11 +477,11 @@ def test_a_motion_of_a_system_has_the_name_that_a_map_gives_it():
     driven = [two_masses(force=vi.Force(omega=omega, harmonics={1: [5.0, 0.0]})) for omega in np.linspace(4.0, 14.0, 8)]
     for model in [*driven, vi.models.bouncing_ball()]:
         start = None if model in driven[::2] else vi.State([0.01] * len(model.mass), [0.2] * len(model.mass), 0.3)
-        found = vi.recognise(vi.impact_section(model, start=start, **window))
+        motion = vi.recognise(vi.impact_section(model, start=start, **window))
         sweep = vi.parameter_map(model, omega=[model.omega], start=start, indices=needed, **window)
         named = vi.classify(sweep)
         told = motion_name(*(int(named[part][0]) for part in ("motion", "n_periods", "n_impacts")))
-        assert told in (found.name, found.motion_class.stored.label)
-        assert not found.n_impacts > 0 or len(found.velocities) == len(found.phases) == found.n_impacts
-        names.add(found.kind)
+        assert told in (motion.name, motion.motion_class.stored.label)
+        assert not motion.n_impacts > 0 or len(motion.velocities) == len(motion.phases) == motion.n_impacts
+        names.add(motion.kind)
     assert {"periodic", "sticking", "chaotic"} <= names

@@ -11,7 +11,6 @@ from scipy.linalg import expm
 import vibroimpact as vi
 from cells import make_cells
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
-from vibroimpact.options import Tolerances
 
 EXAMPLES, SHARES, IMPACTS = 2000, 8, 20
 BASE = 1e-13  # of the velocity scale, and of the fastest time scale, before any growth
@@ -95,7 +94,7 @@ def error_growth(osc, start, seen):
 
 
 def compare(osc, start):
-    cells, window, limits = make_cells(osc, start), ImpactWindow(0, IMPACTS), Tolerances(flight_periods=100)
+    cells, window, limits = make_cells(osc, start), ImpactWindow(0, IMPACTS), vi.Tolerances(flight_periods=100)
     (ours,), (theirs,) = (
         get_backend(name).samples(cells, Measurement(window, limits)) for name in ("cpu", "reference")
     )
