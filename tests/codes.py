@@ -70,9 +70,9 @@ class Witness:
         )
 
     @staticmethod
-    def _arrays(seen):
+    def _arrays(samples):
         names = *OF_IMPACTS, "simultaneous", "stop"
-        return {name: np.array([getattr(event, name) for event in seen.impacts]) for name in names}
+        return {name: np.array([getattr(event, name) for event in samples.impacts]) for name in names}
 
 
 def later(code, model, state, begin, turns):
@@ -108,8 +108,8 @@ class Way:
 
     def simulate(self, osc, **how):
         """Return the motion over time."""
-        seen = self._asked(vi.simulate, osc, how)
-        return seen.isel(coordinate=0) if self.as_system else seen
+        samples = self._asked(vi.simulate, osc, how)
+        return samples.isel(coordinate=0) if self.as_system else samples
 
     def indices(self, osc, names=tuple(INDICES), transient=100, sample=5000, **how):
         """Return indices of the window of impacts, as plain numbers by their names, with the status."""

@@ -14,7 +14,7 @@ K = [[300.0, -100.0], [-100.0, 100.0]]
 
 def two_masses(**changes):
     """Return two coupled masses, the second one between two stops, one of which moves."""
-    given = {
+    arguments = {
         "mass": M,
         "damping": C,
         "stiffness": K,
@@ -24,19 +24,19 @@ def two_masses(**changes):
             vi.Stop(direction=[0.5, -1], gap=0.02, name="baffle"),
         ],
     }
-    return vi.ImpactSystem(**given | changes)
+    return vi.ImpactSystem(**arguments | changes)
 
 
 def one_mass(osc, **changes):
     """Return the system of one coordinate that an oscillator is."""
-    given = {
+    arguments = {
         "mass": osc.mass,
         "damping": osc.damping,
         "stiffness": osc.stiffness,
         "force": vi.Force(omega=osc.omega, harmonics={1: osc.amplitude}),
         "stops": [vi.Stop(direction=1, gap=osc.gap, restitution=osc.restitution)],
     }
-    return vi.ImpactSystem(**given | changes)
+    return vi.ImpactSystem(**arguments | changes)
 
 
 def a_random_system(rng, n, s=2, damping=None):
@@ -70,9 +70,9 @@ def on_springs(rng):
     stops = []
     for sign in (1.0, -1.0)[: int(rng.integers(1, 3))]:
         gives = {"stiffness": rng.uniform(5.0, 50.0), "damping": rng.choice([0.0, rng.uniform(0.0, 1.0)])}
-        own = gives if rng.random() < 0.5 else {"restitution": rng.choice([0.0, rng.uniform(0.3, 0.9)])}
+        law = gives if rng.random() < 0.5 else {"restitution": rng.choice([0.0, rng.uniform(0.3, 0.9)])}
         gap = rng.choice([0.0, rng.uniform(0.05, 0.8)])
-        stops.append(vi.Stop(direction=sign * np.eye(n)[-1], gap=gap, **own))
+        stops.append(vi.Stop(direction=sign * np.eye(n)[-1], gap=gap, **law))
     return vi.ImpactSystem(
         mass=np.diag(rng.uniform(0.5, 2.0, n)),
         damping=rng.uniform(0.02, 0.1) * stiffness,
@@ -84,7 +84,7 @@ def on_springs(rng):
 
 def changed(system, mass=1.0, force=1.0, length=1.0, time=1.0, basis=None):
     """Return the system in other units and coordinates, q = `basis` q'."""
-    given, basis = system.arguments(), np.eye(len(system.mass)) if basis is None else basis
+    arguments, basis = system.arguments(), np.eye(len(system.mass)) if basis is None else basis
     load = mass * length / time**2 * force
     stiff = load / length
     units = {"stiffness": stiff, "damping": stiff * time}
@@ -95,9 +95,9 @@ def changed(system, mass=1.0, force=1.0, length=1.0, time=1.0, basis=None):
     harmonics = {h: load * (basis.T @ p) for h, p in system.force.harmonics.items()}
     constant = None if system.force.constant is None else load * (basis.T @ system.force.constant)
     return vi.ImpactSystem(
-        mass=of(given["mass"], stiff * time**2),
-        damping=of(given["damping"], stiff * time),
-        stiffness=of(given["stiffness"], stiff),
+        mass=of(arguments["mass"], stiff * time**2),
+        damping=of(arguments["damping"], stiff * time),
+        stiffness=of(arguments["stiffness"], stiff),
         force=vi.Force(omega=system.omega / time, harmonics=harmonics, constant=constant),
         stops=[
             stop.replace(
@@ -320,14 +320,14 @@ CHAIN = springs_of(3)
 
 def chain(restitution=0.7, **changes):
     """Return three masses on springs, driven at one end, the other one before a stop."""
-    given = {
+    arguments = {
         "mass": np.eye(3),
         "damping": 0.02 * CHAIN,
         "stiffness": CHAIN,
         "force": vi.Force(omega=0.9, harmonics={1: [1.0, 0.0, 0.0]}),
         "stops": [vi.Stop(direction=[0, 0, 1], gap=0.5, restitution=restitution, name="bar")],
     }
-    return vi.ImpactSystem(**given | changes)
+    return vi.ImpactSystem(**arguments | changes)
 
 
 def facing(direction, gap, restitution):
@@ -340,14 +340,14 @@ def facing(direction, gap, restitution):
 
 def two_sided(omega=2.0, restitution=0.6, gap=0.5, **changes):
     """Return a driven mass on a spring between two stops."""
-    given = {
+    arguments = {
         "mass": 1.0,
         "damping": 0.05,
         "stiffness": 1.0,
         "force": vi.Force(omega=omega, harmonics={1: 1.0}),
         "stops": facing([1.0], gap, restitution),
     }
-    return vi.ImpactSystem(**given | changes)
+    return vi.ImpactSystem(**arguments | changes)
 
 
 TWINS = two_sided(5.0, 0.8, 0.05)  # a motion of two impacts, its mirror image, and one clear of the stops
@@ -355,26 +355,26 @@ TWINS = two_sided(5.0, 0.8, 0.05)  # a motion of two impacts, its mirror image, 
 
 def impact_damper(**changes):
     """Return a driven mass on a spring with a free one between two stops on it."""
-    given = {
+    arguments = {
         "mass": np.diag([1.0, 0.1]),
         "damping": np.diag([0.02, 0.0]),
         "stiffness": np.diag([1.0, 0.0]),
         "force": vi.Force(omega=1.0, harmonics={1: [1.0, 0.0]}),
         "stops": facing([-1.0, 1.0], 10.0, 0.8),
     }
-    return vi.ImpactSystem(**given | changes)
+    return vi.ImpactSystem(**arguments | changes)
 
 
 def free_pair(gap=3.0, **changes):
     """Return two free masses between two stops on each other, with a load on either."""
-    given = {
+    arguments = {
         "mass": np.eye(2),
         "damping": 0.0,
         "stiffness": 0.0,
         "force": vi.Force(omega=1.0, harmonics={1: [1.0, -1.0]}),
         "stops": [vi.Stop(direction=[sign, -sign], gap=gap, restitution=0.5) for sign in (1, -1)],
     }
-    return vi.ImpactSystem(**given | changes)
+    return vi.ImpactSystem(**arguments | changes)
 
 
 def random_pair(seed):

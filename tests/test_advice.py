@@ -62,9 +62,9 @@ def switched(osc, changed, n_periods, runner):
     """Return the motion from rest at 128 instants of its cycle, as initial conditions of a changed design."""
     often = math.ceil(128 / min(n_periods or 32, 32))
     window = StroboscopicWindow(3000, often * min(n_periods or 32, 32), 0.37 / often, often)
-    (seen,) = runner.samples(osc.cells({}), window)
-    there = changed.cells({}).copies(len(seen.look_phase))
-    return there.carried(seen.look_displacement, seen.look_velocity, seen.look_phase)
+    (samples,) = runner.samples(osc.cells({}), window)
+    there = changed.cells({}).copies(len(samples.look_phase))
+    return there.carried(samples.look_displacement, samples.look_velocity, samples.look_phase)
 
 
 def continued(orbit, advice):
@@ -104,8 +104,8 @@ def check_agreement(verdict):
     sweep = vi.parameter_map(osc, omega=[osc.omega], indices=("lyapunov_per_impact", "n_periods", "n_impacts"))
     named = vi.classify(sweep).isel(omega=0)
     kind = refined(int(named["motion"]), int(sweep["status"][0]))
-    seen = motion_name(int(kind), int(named["n_periods"]), int(named["n_impacts"]))
-    assert seen == (verdict.transient or verdict.motion.name), osc
+    name = motion_name(int(kind), int(named["n_periods"]), int(named["n_impacts"]))
+    assert name == (verdict.transient or verdict.motion.name), osc
     mine, *_ = verdict.attractors
     assert mine.from_rest
     letter = mine.name.removeprefix(verdict.motion.name).strip()  # of several of one name
@@ -128,15 +128,15 @@ def check_attractors(verdict):
 @pytest.mark.parametrize("part", range(PARTS))
 def test_advice_makes_nothing_worse_from_anywhere_and_all_that_is_said_agrees(part):
     rng = np.random.default_rng([1311, part])
-    given = 0
+    count = 0
     for number, osc in enumerate(random_designs(rng, DESIGNS // PARTS)):
         verdict = without_boundaries(osc, str(rng.choice(list(PARAMETERS))))
         check_advice(verdict, rng)
         check_agreement(verdict)
         if number % 10 == 0:
             check_attractors(verdict)
-        given += len(verdict.advice)
-    assert given > DESIGNS // PARTS // 2
+        count += len(verdict.advice)
+    assert count > DESIGNS // PARTS // 2
 
 
 @pytest.mark.long(but=1)

@@ -75,15 +75,15 @@ def test_a_damping_ratio_stands_for_the_damping_of_this_mass_and_stiffness():
     assert vi.ImpactOscillator(damping_ratio=1.0).damping == 2.0  # critical
 
 
-@pytest.mark.parametrize(("given", "told"), [
+@pytest.mark.parametrize(("numbers", "words"), [
     ({"damping": 0.1, "damping_ratio": 0.1}, "either `damping` or `damping_ratio`, not both"),
     ({"damping_ratio": -0.1}, "`damping_ratio` must be a finite number >= 0, got -0.1"),
     ({"damping_ratio": 0.1, "mass": 0.0}, "`mass` must be .* > 0, got 0.0"),
     ({"zeta": 0.1}, "did you mean 'damping_ratio'"),
 ])  # fmt: skip
-def test_a_damping_ratio_that_tells_no_damping_is_refused(given, told):
-    with pytest.raises(ValueError, match=told):
-        vi.ImpactOscillator(**given)
+def test_a_damping_ratio_that_tells_no_damping_is_refused(numbers, words):
+    with pytest.raises(ValueError, match=words):
+        vi.ImpactOscillator(**numbers)
 
 
 def test_a_parameter_is_not_replaced_by_none():
@@ -300,9 +300,9 @@ def test_how_something_is_computed_is_given_by_name_as_the_page_says():
     # Of `attractors`, of `find_sticking_orbit`, of `family`, of `explore`.
     worked_on = ("starts", "n_periods", "function", "model")
     for function in public(ROOT / "docs" / "reference" / "api"):
-        for name, given in inspect.signature(function).parameters.items():
-            if given.default is not inspect.Parameter.empty and name not in worked_on:
-                assert given.kind is inspect.Parameter.KEYWORD_ONLY, (function, name)
+        for name, parameter in inspect.signature(function).parameters.items():
+            if parameter.default is not inspect.Parameter.empty and name not in worked_on:
+                assert parameter.kind is inspect.Parameter.KEYWORD_ONLY, (function, name)
 
 
 def test_the_dimensionless_form_moves_as_the_oscillator_does():

@@ -47,21 +47,21 @@ def test_indices_come_with_every_name_of_the_table(backend):
 
 
 def test_an_impact_window_keeps_as_many_impacts_as_asked(backend):
-    (seen,) = get_backend(backend).samples(make_cells(OSC, None), Measurement(ImpactWindow(3, 4)))
-    assert len(seen.impact_velocity) == len(seen.impact_phase) == len(seen.impact_periods) == 4
-    assert (seen.impact_velocity > 0).all()
-    assert ((seen.impact_phase >= 0) & (seen.impact_phase < 1)).all()
-    assert len(seen.look_velocity) == 0
-    assert seen.last_clearance == pytest.approx(0.0, abs=1e-12)
-    assert seen.last_velocity == pytest.approx(-0.8 * seen.impact_velocity[-1], rel=1e-12)
+    (samples,) = get_backend(backend).samples(make_cells(OSC, None), Measurement(ImpactWindow(3, 4)))
+    assert len(samples.impact_velocity) == len(samples.impact_phase) == len(samples.impact_periods) == 4
+    assert (samples.impact_velocity > 0).all()
+    assert ((samples.impact_phase >= 0) & (samples.impact_phase < 1)).all()
+    assert len(samples.look_velocity) == 0
+    assert samples.last_clearance == pytest.approx(0.0, abs=1e-12)
+    assert samples.last_velocity == pytest.approx(-0.8 * samples.impact_velocity[-1], rel=1e-12)
 
 
 def test_a_stroboscopic_window_looks_at_its_phase(backend):
     window = StroboscopicWindow(2, 4, 0.25)
-    (seen,) = get_backend(backend).samples(make_cells(OSC, None), Measurement(window))
-    assert seen.look_phase == pytest.approx(0.25, abs=1e-3)
-    assert seen.look_periods.tolist() == [2, 3, 4, 5]
-    assert seen.last_clearance == pytest.approx(OSC.gap - seen.look_displacement[-1], abs=1e-12)
+    (samples,) = get_backend(backend).samples(make_cells(OSC, None), Measurement(window))
+    assert samples.look_phase == pytest.approx(0.25, abs=1e-3)
+    assert samples.look_periods.tolist() == [2, 3, 4, 5]
+    assert samples.last_clearance == pytest.approx(OSC.gap - samples.look_displacement[-1], abs=1e-12)
 
 
 def test_a_start_mid_period_waits_for_the_section_s_phase(exact):

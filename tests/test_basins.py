@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 import vibroimpact as vi
+from contents import names_of_starts
 from designs import RARE, RESTS, TRANSIENTS, random_oscillator
 from systems import THREE, TWINS
 from vibroimpact.backends import ImpactWindow
@@ -29,12 +30,6 @@ PHASE, VELOCITY = np.linspace(0.0, 1.0, 41), np.linspace(0.0, 3.0, 41)
 @pytest.fixture(scope="module")
 def portrait():
     return vi.basins(TWO, phase=PHASE, velocity=VELOCITY)
-
-
-def names(found):
-    """Return the name of the attractor of every start."""
-    meanings = np.array(found["attractor"].attrs["flag_meanings"].split())
-    return meanings[found["attractor"].values + 1]
 
 
 def at(osc, phase, velocity):
@@ -110,7 +105,7 @@ def test_phase_0_and_phase_1_are_the_same_starts(portrait):
 def test_a_finer_grid_keeps_what_becomes_of_the_starts_they_share(osc):
     fine = vi.basins(osc, phase=PHASE, velocity=VELOCITY[::2])
     coarse = vi.basins(osc, phase=PHASE[::4], velocity=VELOCITY[::4])
-    np.testing.assert_array_equal(names(fine)[::4, ::2], names(coarse))
+    np.testing.assert_array_equal(names_of_starts(fine)[::4, ::2], names_of_starts(coarse))
     np.testing.assert_array_equal(fine["status"][::4, ::2], coarse["status"])
 
 
@@ -142,10 +137,10 @@ def test_a_portrait_scales_with_force_and_gap():
 
 
 def test_the_attractor_of_a_start_is_the_motion_recognised_in_its_impacts(portrait):
-    told = names(portrait)
+    labels = names_of_starts(portrait)
     for i, j in itertools.product(range(3, 41, 9), range(0, 41, 8)):
         section = vi.impact_section(TWO, start=at(TWO, PHASE[i], VELOCITY[j]), sample_impacts=1500)
-        assert vi.recognise(section).name.replace(" ", "_") == told[i, j]
+        assert vi.recognise(section).name.replace(" ", "_") == labels[i, j]
 
 
 def test_states_in_front_of_the_stop_lead_where_their_impacts_lead():
@@ -154,7 +149,7 @@ def test_states_in_front_of_the_stop_lead_where_their_impacts_lead():
     assert found["attractor"].dims == ("displacement", "velocity")
     for i, j in itertools.product(range(5), range(4)):
         (one,) = vi.attractors(TWO, [vi.State(y[i], v[j], 0.25 * TWO.period)])
-        assert one.name.replace(" ", "_") == names(found)[i, j]
+        assert one.name.replace(" ", "_") == names_of_starts(found)[i, j]
 
 
 def test_a_portrait_marks_where_its_attractors_lie(portrait):
@@ -163,7 +158,7 @@ def test_a_portrait_marks_where_its_attractors_lie(portrait):
     np.testing.assert_allclose(portrait["point_velocity"][0, :2], cycle.velocities, rtol=0, atol=1e-9)
     assert int(portrait["point_phase"][0].count()) == 2
     look = vi.basins(TWO, displacement=[-1.0, -0.5], velocity=[0.0, 0.5], phase=0.25)
-    there = names(look)[0, 0].replace("_", " ")
+    there = names_of_starts(look)[0, 0].replace("_", " ")
     known = next(one for one in vi.attractors(TWO) if one.name == there)
     row = look.isel(attractor_id=int(look["attractor"][0, 0]))
     y, v = (row[name].dropna("point").values for name in ("point_displacement", "point_velocity"))
@@ -245,7 +240,7 @@ def test_chaos_that_ends_leads_to_the_cycle_that_it_ends_in(name):
     (cycle,) = vi.attractors(osc)
     assert (cycle.name, cycle.share) == (name, 1.0)
     portrait = vi.basins(osc, phase=PHASE[::20], velocity=VELOCITY[::20])
-    assert set(names(portrait).ravel()) == {name.replace(" ", "_")}
+    assert set(names_of_starts(portrait).ravel()) == {name.replace(" ", "_")}
     if cycle.n_impacts == 7:  # the hardest hits are those of the motion from rest
         final = final_motion(Runner(), osc.cells({}), ImpactWindow(1000, 400))
         assert cycle.max_velocity == pytest.approx(final.measured.indices["max_velocity"], rel=1e-9)
@@ -257,7 +252,7 @@ def test_a_rest_that_rounding_repeats_is_no_attractor(hardest):
     assert (cycle.name, cycle.share) == ("period-1 impact-1", 1.0)
     assert cycle.max_velocity == pytest.approx(hardest, abs=1e-3)
     portrait = vi.basins(RESTS[hardest], phase=PHASE[::4], velocity=VELOCITY[1::8])
-    assert set(names(portrait).ravel()) == {"period-1_impact-1"}
+    assert set(names_of_starts(portrait).ravel()) == {"period-1_impact-1"}
 
 
 def test_initial_conditions_have_the_same_attractors_in_a_list_and_in_a_portrait():
@@ -265,13 +260,14 @@ def test_initial_conditions_have_the_same_attractors_in_a_list_and_in_a_portrait
     while tried < 2:
         osc = random_oscillator(random)
         portrait = vi.basins(osc, phase=[0.1, 0.45, 0.8], velocity=[0.2, 1.1])
-        if not {"chaotic", "intermittent_sticking"} & set(names(portrait).ravel()):
+        if not {"chaotic", "intermittent_sticking"} & set(names_of_starts(portrait).ravel()):
             continue
         tried += 1
         starts = [at(osc, float(phase), float(v)) for phase in portrait["phase"] for v in portrait["velocity"]]
         listed = vi.attractors(osc, starts)
         assert [attractor.name.replace(" ", "_") for attractor in listed] == sorted(
-            set(names(portrait).ravel()) - {"undecided"}, key=lambda name: -(names(portrait) == name).sum()
+            set(names_of_starts(portrait).ravel()) - {"undecided"},
+            key=lambda name: -(names_of_starts(portrait) == name).sum(),
         )
         np.testing.assert_array_equal(portrait["share"], [attractor.share for attractor in listed])
 
@@ -351,14 +347,14 @@ def test_a_start_out_of_budget_is_undecided_and_says_so():
     ids=["one mass", "a system"],
 )
 def test_a_sweep_that_is_stopped_returns_what_it_has(model, axes):
-    told = []
+    news = []
 
     def stop(done, total, partial):
-        told.append((done, total, partial["status"].shape))
+        news.append((done, total, partial["status"].shape))
         return False
 
     found = vi.basins(model, **axes, workers=1, progress=stop)
-    done, total, shape = told[0]
+    done, total, shape = news[0]
     side = len(axes["velocity"])
     assert 0 < done < total == side**2
     assert shape == (side, side)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from contents import special_points
 from vibroimpact.continuation import BifurcationPoint
 
 PLANES = {  # the second axis of the paper's maps; omega is the first
@@ -163,7 +164,7 @@ def test_the_motion_changes_across_every_curve(curves, name):
     On one side the engine stays on the period-n impact-1 orbit, on the other it goes elsewhere. Curves beside which
     no orbit attracts, where a graze follows a period doubling, are no boundary of an attractor.
     """
-    seen = set()
+    kinds = set()
     for curve in curves(name):
         for share in (0.3, 0.6):
             sides = sampled_sides(curve, ("omega", name), share)
@@ -173,11 +174,11 @@ def test_the_motion_changes_across_every_curve(curves, name):
             own = f"period-{curve.orbits[0].n_periods} impact-1"
             assert stays == own
             assert leaves != own
-            seen.add((curve.kind, curve.orbits[0].n_periods))
-    assert {("period_doubling", 1)} <= seen
-    assert name == "gap" or ("period_doubling", 2) in seen
-    assert name not in ("damping", "restitution") or ("grazing", 1) in seen
-    assert name != "gap" or ("fold", 1) in seen
+            kinds.add((curve.kind, curve.orbits[0].n_periods))
+    assert {("period_doubling", 1)} <= kinds
+    assert name == "gap" or ("period_doubling", 2) in kinds
+    assert name not in ("damping", "restitution") or ("grazing", 1) in kinds
+    assert name != "gap" or ("fold", 1) in kinds
 
 
 def sampled_sides(curve, names, share):
@@ -304,9 +305,9 @@ def test_an_identity_family_has_the_oscillators_own_curves():
     # Beyond restitution 1 the family refuses its values; the oscillator's equations go on. Both end at the edge.
     plane = ("omega", "restitution"), ((2.2, 3.0), (0.6, 1.0))
     more = {"n_periods": (1,), "kinds": ("period_doubling", "end_of_sticking"), "lines": 2, "step": 0.05}
-    own, tied = (vi.boundary_curves(model, *plane, **more) for model in (vi.ImpactOscillator(), identity))
-    assert [(c.kind, c.outcome) for c in own] == [(c.kind, c.outcome) for c in tied]
-    for one, other in zip(own, tied, strict=True):
+    plain, tied = (vi.boundary_curves(model, *plane, **more) for model in (vi.ImpactOscillator(), identity))
+    assert [(c.kind, c.outcome) for c in plain] == [(c.kind, c.outcome) for c in tied]
+    for one, other in zip(plain, tied, strict=True):
         np.testing.assert_allclose(one.values, other.values, rtol=1e-12)
         assert [orbit.oscillator for orbit in other.orbits] == [orbit.model.at() for orbit in other.orbits]
 
@@ -314,8 +315,8 @@ def test_an_identity_family_has_the_oscillators_own_curves():
 def test_ends_of_sticking_are_followed_along_a_familys_parameters():
     ends = [vi.end_of_sticking(model, "omega", (0.3, 0.4)) for model in (vi.ImpactOscillator(), identity)]
     assert ends[0].value == ends[1].value
-    own, tied = (vi.continue_boundary(end, ("omega", "mass"), ((0.3, 0.4), (0.8, 1.2))) for end in ends)
-    np.testing.assert_array_equal(own.values, tied.values)
+    plain, tied = (vi.continue_boundary(end, ("omega", "mass"), ((0.3, 0.4), (0.8, 1.2))) for end in ends)
+    np.testing.assert_array_equal(plain.values, tied.values)
 
 
 def test_boundaries_in_a_familys_own_units_hold_for_the_oscillators_that_it_makes():
@@ -338,7 +339,7 @@ def test_a_branch_along_a_familys_parameter_meets_the_same_bifurcation_as_the_ti
     tight = shaker.replace(clearance_mm=0.1)
     (orbit,) = vi.find_orbit(tight)
     branch = vi.continue_orbit(orbit, "rpm", (1450.0, 1600.0), step=0.05)
-    (point,) = [point for point in branch.special if point.kind == "period_doubling"]
+    (point,) = special_points(branch, "period_doubling")
     assert point.orbit.value("rpm") == point.value
     assert branch.outcome == ("range", "range")
     sides = [vi.find_orbit(tight.at(rpm=point.value + change))[0].stable for change in (-1e-6, 1e-6)]

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 import vibroimpact as vi
+from contents import special_points
 from vibroimpact.continuation.lines import plain
 from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.continuation.sticking import Sticking
@@ -28,15 +29,15 @@ NEAR = (3e-4, 1e-4, 3e-5, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)  # of the ranges: strips
 def random_plane(seed):
     rng = np.random.default_rng(seed)
     names = tuple(map(str, rng.choice(list(RANGES), 2, replace=False)))
-    own = {name: float(rng.uniform(*ends)) for name, ends in RANGES.items()}
+    numbers = {name: float(rng.uniform(*ends)) for name, ends in RANGES.items()}
     box = []
     for name in names:
         low, high = RANGES[name]
         width = (high - low) * rng.uniform(0.2, 0.8)
         first = float(rng.uniform(low, high - width))
         box.append((first, first + float(width)))
-        own[name] = first
-    return vi.ImpactOscillator(**own), names, tuple(box), rng
+        numbers[name] = first
+    return vi.ImpactOscillator(**numbers), names, tuple(box), rng
 
 
 @pytest.fixture(scope="module", params=[3, 6])  # run with some dozens of seeds after a change
@@ -144,12 +145,12 @@ def test_the_steady_motion_touches_the_stop_along_one_curve_alone():
 def test_a_graze_at_velocity_zero_is_one_of_the_orbit_without_that_impact():
     stable = vi.find_orbit(OSC.replace(omega=0.9, gap=0.0), n_impacts=2)[0]
     branch = vi.continue_orbit(stable, "gap", (-0.5, 0.5), virtual=False)
-    for point in (point for point in branch.special if point.kind == "grazing"):
+    for point in special_points(branch, "grazing"):
         kept = [v for v in point.orbit.velocities if v > 0.0]
-        left = plain(point)
-        assert isinstance(left, BifurcationPoint)
-        assert sorted(left.orbit.velocities) == sorted(kept)
-        assert left.orbit.admissible
+        without = plain(point)
+        assert isinstance(without, BifurcationPoint)
+        assert sorted(without.orbit.velocities) == sorted(kept)
+        assert without.orbit.admissible
 
 
 def test_an_island_of_sticking_has_a_closed_curve(monkeypatch):

@@ -22,10 +22,10 @@ def motion_at(osc=OSC, **settings):
 
 def cells(per_impact, n_periods, n_impacts, status, sample_impacts=1000):
     """Return a sweep that tells this of its cells."""
-    told = {"lyapunov_per_impact": per_impact, "n_periods": n_periods, "n_impacts": n_impacts}
+    indices = {"lyapunov_per_impact": per_impact, "n_periods": n_periods, "n_impacts": n_impacts}
     axis = np.arange(1.0, len(status) + 1.0)
     return xr.Dataset(
-        {name: variable(name, "omega", data) for name, data in told.items()}
+        {name: variable(name, "omega", data) for name, data in indices.items()}
         | {"status": status_variable("omega", status)},
         coords={"omega": variable("omega", "omega", axis)},
         attrs=provenance("parameter_map", OSC, {"sample_impacts": sample_impacts}),
@@ -185,7 +185,7 @@ def test_a_class_is_labelled_by_flags_and_keeps_what_it_was_made_from(spread):
 
 
 @pytest.mark.parametrize(
-    ("sweep", "told"),
+    ("sweep", "words"),
     [
         ([1.0], "`sweep` must be a Dataset, got [1.0]"),
         (
@@ -200,7 +200,7 @@ def test_a_class_is_labelled_by_flags_and_keeps_what_it_was_made_from(spread):
         (cells([0.1], [0], [0], [0]).drop_attrs(), "`sweep` must hold the number of sampled impacts"),
     ],
 )
-def test_a_sweep_that_cannot_be_classified_is_refused_with_what_to_ask_for(sweep, told):
+def test_a_sweep_that_cannot_be_classified_is_refused_with_what_to_ask_for(sweep, words):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         vi.classify(sweep)
-    assert told in str(caught.value)
+    assert words in str(caught.value)

@@ -188,16 +188,16 @@ def test_a_saved_result_is_told_drawn_and_converted(run, tmp_path):
 def test_reproduce_hands_folder_and_choices_on(run, tmp_path, monkeypatch):
     import vibroimpact.studies.lee
 
-    seen = {}
+    options = {}
 
     def reproduced(out, **choices):
-        seen.update(choices, out=str(out))
+        options.update(choices, out=str(out))
         return out
 
     monkeypatch.setattr(vibroimpact.studies.lee, "run", reproduced, raising=False)
     assert run("reproduce --out report --quick --level 0.05")[0] == 0
-    assert seen["out"] == "report"
-    assert (seen["quick"], seen["level"]) == (True, 0.05)
+    assert options["out"] == "report"
+    assert (options["quick"], options["level"]) == (True, 0.05)
 
 
 @pytest.mark.parametrize("command", ["reproduce --out mine", "reproduce --out mine --overwrite"])
@@ -219,12 +219,12 @@ def test_a_damping_ratio_stands_for_the_damping_that_it_is_of_this_mass_and_stif
     assert ratio[:2] == damping[:2]
 
 
-@pytest.mark.parametrize("given", ["zeta = 0.05", "damping_ratio = 0.05", "c = 3.0"])
+@pytest.mark.parametrize("damping", ["zeta = 0.05", "damping_ratio = 0.05", "c = 3.0"])
 def test_of_a_damping_ratio_and_a_damping_the_one_that_is_typed_takes_the_place_of_that_in_a_study(
-    run, tmp_path, given
+    run, tmp_path, damping
 ):
-    (tmp_path / "study.toml").write_text(f"[oscillator]\nm = 4.0\n{given}\nk = 9.0\n")
-    ratio = given != "c = 3.0"
+    (tmp_path / "study.toml").write_text(f"[oscillator]\nm = 4.0\n{damping}\nk = 9.0\n")
+    ratio = damping != "c = 3.0"
     for typed, c in (("", 0.6), (" -p m=1", 0.3), (" -p c=0.2", 0.2)) if ratio else ((" -p zeta=0.05", 0.6),):
         assert run(f"section study.toml --sample-impacts 20 --overwrite --out out.nc{typed}")[0] == 0
         assert oscillator_of(vi.load(tmp_path / "out.nc")).damping == pytest.approx(c, rel=1e-15)

@@ -272,9 +272,9 @@ def test_an_interrupted_store_keeps_its_tiles_and_the_same_command_goes_on(run, 
     assert code == 0
     assert "continuing" in complaints[1]
     assert int((vi.load(tmp_path / "map.zarr")["status"] == vi.Status.INTERRUPTED).sum()) == 0
-    told = " ".join(run("info map.zarr")[1])
-    assert "100% of 40,000 cells" in told
-    assert "continue with" not in told
+    summary = " ".join(run("info map.zarr")[1])
+    assert "100% of 40,000 cells" in summary
+    assert "continue with" not in summary
 
 
 @pytest.mark.usefixtures("stopped_early")

@@ -73,7 +73,7 @@ def test_a_study_file_may_name_the_model(run, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("options", "words"),
     [
         ("--model tube.py:shaker -p omega=2", "unknown parameter 'omega'; choose from unbalance, rpm, clearance_mm"),
         ("--model tube.py:shaker -p rpm=fast", "`rpm` must be a finite number, got 'fast'"),
@@ -85,10 +85,10 @@ def test_a_study_file_may_name_the_model(run, tmp_path):
         ("--model lacking.py:shaker", "`model` 'lacking.py:shaker' cannot be loaded; ModuleNotFoundError: No module"),
     ],
 )
-def test_a_wrong_model_is_refused_in_one_line(refused, tmp_path, given, words):
+def test_a_wrong_model_is_refused_in_one_line(refused, tmp_path, options, words):
     (tmp_path / "broken.py").write_text("1 / 0")
     (tmp_path / "lacking.py").write_text("import no_such_module")
-    assert words in refused(f"section {given}")
+    assert words in refused(f"section {options}")
 
 
 def test_a_model_whose_function_cannot_import_what_it_needs_is_named(refused, tmp_path):

@@ -66,11 +66,11 @@ def test_solutions_that_are_no_motion_of_the_mass_say_why(run):
 
 def test_orbits_as_json_hold_every_digit(run, tmp_path):
     run("orbit -p omega=2.8 --out orbit.json")
-    (held,) = json.loads((tmp_path / "orbit.json").read_text())["orbits"]
+    (stored,) = json.loads((tmp_path / "orbit.json").read_text())["orbits"]
     (orbit,) = vi.find_orbit(vi.ImpactOscillator(omega=2.8))
-    assert (held["velocities"], held["phases"]) == (list(orbit.velocities), list(orbit.phases))
-    assert [complex(*pair) for pair in held["multipliers"]] == list(orbit.multipliers)
-    assert (held["stable"], held["admissible"], held["stick_phase"]) == (False, True, None)
+    assert (stored["velocities"], stored["phases"]) == (list(orbit.velocities), list(orbit.phases))
+    assert [complex(*pair) for pair in stored["multipliers"]] == list(orbit.multipliers)
+    assert (stored["stable"], stored["admissible"], stored["stick_phase"]) == (False, True, None)
 
 
 def test_orbits_are_saved_told_again_and_converted(run, tmp_path):

@@ -110,9 +110,9 @@ def shrinking(kind):
 @pytest.mark.parametrize("kind", [*ONE_IMPACT, 20, 24, 37, 46])
 def test_volumes_shrink_by_the_damping_and_by_the_square_of_the_restitution(code, kind):
     model, state, begin, turns = shrinking(kind)
-    seen = code.motion(model, *np.split(state, 2), begin, turns).events
-    assert {what for _, what, _ in seen} == {"impact"}
-    bounced = math.prod(model.stops[stop].restitution ** 2 for *_, stop in seen)
+    events = code.motion(model, *np.split(state, 2), begin, turns).events
+    assert {what for _, what, _ in events} == {"impact"}
+    bounced = math.prod(model.stops[stop].restitution ** 2 for *_, stop in events)
     loss = np.trace(np.linalg.solve(model.mass, model.damping)) * turns * model.period
     found = np.linalg.det(differences(code, model, state, begin, turns))
     assert found == pytest.approx(bounced * math.exp(-loss), rel=1e-7)

@@ -34,10 +34,10 @@ NAMES = ("std", "lyapunov", "n_periods")
 
 
 def sweep(tile=16, **settings):
-    given = {"indices": NAMES, "transient_impacts": 20, "sample_impacts": 60, **AXES, **settings}
+    arguments = {"indices": NAMES, "transient_impacts": 20, "sample_impacts": 60, **AXES, **settings}
     if {"cluster", "store"} & settings.keys():
-        given["tile"] = tile
-    return vi.parameter_map(vi.ImpactOscillator(), **given)
+        arguments["tile"] = tile
+    return vi.parameter_map(vi.ImpactOscillator(), **arguments)
 
 
 def long_sweep(**settings):

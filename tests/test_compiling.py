@@ -60,10 +60,10 @@ def test_a_cache_cut_off_by_a_full_disk_or_by_another_program_is_none(tmp_path):
 
 @pytest.mark.long
 def test_without_a_folder_to_write_to_each_process_compiles_and_says_how_to_change_that():
-    told = [line for line in run("/proc/none", "section") if line.startswith("compiling")]
-    assert len(told) == 1
-    assert "in each process, as /proc/none/" in told[0]
-    assert "NUMBA_CACHE_DIR" in told[0]
+    lines = [line for line in run("/proc/none", "section") if line.startswith("compiling")]
+    assert len(lines) == 1
+    assert "in each process, as /proc/none/" in lines[0]
+    assert "NUMBA_CACHE_DIR" in lines[0]
 
 
 @pytest.mark.long
@@ -227,8 +227,8 @@ def test_a_process_that_has_computed_nothing_compiles_any_part():
         "import sys, pickle; from vibroimpact.kernels import deferred; parts = deferred.noted(); print(len(parts))\n"
         "for part in parts: pickle.loads(part); deferred.compile_part(part)"
     )
-    (told,) = python(code).stdout.split()
-    assert int(told) > 10
+    (count,) = python(code).stdout.split()
+    assert int(count) > 10
 
 
 def test_garbage_is_looked_for_again_once_nothing_is_compiled(monkeypatch):
@@ -282,8 +282,8 @@ def test_of_two_processes_one_compiles_and_the_other_waits(tmp_path):
 @pytest.mark.skipif(worker_count(None) < 2, reason="needs a second core")
 def test_beside_a_first_command_a_second_process_compiles_what_a_next_one_needs(tmp_path):
     model = "--model", "two_sided_oscillator"
-    told = [line for line in run(tmp_path, "map", *model, "--x", "frequency=24:26:3") if TOLD.fullmatch(line)]
-    assert any("maps of systems" in line for line in told)
+    lines = [line for line in run(tmp_path, "map", *model, "--x", "frequency=24:26:3") if TOLD.fullmatch(line)]
+    assert any("maps of systems" in line for line in lines)
     assert list(tmp_path.rglob("walk._follow*.nbc"))  # what follows single motions, which a map has no need of
 
 

@@ -37,11 +37,11 @@ def motion():
 
 
 def test_the_summary_says_what_contacts_came_to(motion):
-    here = motion["impact_stop"].values == "buffer"
-    force, seconds, depth = (motion[name].values[here] for name in ("peak_force", "contact_time", "penetration"))
+    buffered = motion["impact_stop"].values == "buffer"
+    force, seconds, depth = (motion[name].values[buffered] for name in ("peak_force", "contact_time", "penetration"))
     (line,) = (line for line in sentences_of(motion) if line.startswith("  buffer"))
-    told = f"force up to {np.nanmax(force):.4g} N, contacts of up to {np.nanmax(seconds):.4g} s"
-    assert line.endswith(f"{told}, pushed in by up to {np.nanmax(depth):.4g} m")
+    words = f"force up to {np.nanmax(force):.4g} N, contacts of up to {np.nanmax(seconds):.4g} s"
+    assert line.endswith(f"{words}, pushed in by up to {np.nanmax(depth):.4g} m")
     (line,) = (line for line in sentences_of(motion) if line.startswith("  wall"))
     assert "force" not in line
 
@@ -70,9 +70,9 @@ def test_forces_are_drawn_below_each_contact_before_its_box(shown, motion):
     assert lower.get_ylabel().replace("\n", " ") == "force of the stop $F$ [N]"
     time, force = _entry(lower.get_lines(), "force of buffer").get_data()
     assert np.array_equal(force[np.isin(time, motion["time"])][:50], motion["force"].sel(stop="buffer")[:50])
-    here = motion.isel(impact=np.flatnonzero(motion["impact_stop"] == "buffer"))
+    hits = motion.isel(impact=np.flatnonzero(motion["impact_stop"] == "buffer"))
     (boxes,) = lower.collections
-    for path, hit in zip(boxes.get_paths(), (here.isel(impact=at) for at in range(here.sizes["impact"])), strict=True):
+    for path, hit in zip(boxes.get_paths(), (hits.isel(impact=at) for at in range(hits.sizes["impact"])), strict=True):
         (left, low), (right, high) = path.vertices.min(axis=0), path.vertices.max(axis=0)
         assert (low, high) == (0.0, pytest.approx(float(hit["peak_force"])))
         assert (left, right - left) == (float(hit["impact_time"]), pytest.approx(float(hit["contact_time"])))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from contents import special_points
 
 
 def first(omega=2.0, n_impacts=1, **changes):
@@ -24,7 +25,7 @@ def doubled():
 
 
 def values_of(branch, kind):
-    return [point.value for point in branch.special if point.kind == kind]
+    return [point.value for point in special_points(branch, kind)]
 
 
 def name_of(orbit, osc=None, nudge=1e-4):
@@ -45,7 +46,7 @@ def test_period_doublings_agree_with_50_digits(values, along_omega):
 
 def test_the_graze_agrees_with_50_digits(values, along_omega):
     (known,) = values["grazing_w_of_n=1"]
-    (point,) = [point for point in along_omega.special if point.kind == "grazing"]
+    (point,) = special_points(along_omega, "grazing")
     assert point.value == pytest.approx(float(known["w"]), abs=1e-12)
     assert point.orbit.velocities[0] == pytest.approx(float(known["v"]), rel=1e-12)
     after = (point.touch_phase - point.orbit.phases[0]) % 1
@@ -115,14 +116,14 @@ def test_a_branch_with_a_gap_turns_at_its_fold_where_the_two_roots_meet():
     assert max(branch.values) == pytest.approx(fold, rel=1e-14)
     at = int(np.argmin([abs(orbit.velocities[0] - grazed.velocities[0]) for orbit in branch.orbits]))
     assert branch.orbits[at].oscillator.omega == pytest.approx(1.2, abs=0.05)
-    (point,) = [point for point in branch.special if point.kind == "fold"]
+    (point,) = special_points(branch, "fold")
     assert point.orbit.trace == pytest.approx(1 + point.orbit.determinant, rel=1e-12)
 
 
 def test_one_impact_is_born_with_velocity_zero_where_the_free_motion_grazes():
     """The unstable orbit ends where the gap is the steady amplitude."""
     branch = vi.continue_orbit(vi.find_orbit(vi.ImpactOscillator(omega=1.2, gap=3.0))[1], "gap", (1.0, 4.0), step=0.02)
-    grazes = [point for point in branch.special if point.kind == "grazing"]
+    grazes = special_points(branch, "grazing")
     assert grazes[0].value == pytest.approx(vi.ImpactOscillator(omega=1.2).steady_amplitude, rel=1e-13)
     assert grazes[0].orbit.velocities[0] == pytest.approx(0, abs=1e-12)
 
@@ -178,7 +179,7 @@ def test_two_impacts_a_period_live_between_their_bifurcations():
 def test_where_one_impact_begins_to_graze_a_second_impact_is_born(values):
     """At the graze the orbits with one and with two impacts a period are one, an impact without velocity."""
     branch = vi.continue_orbit(first(0.95, n_impacts=2), "omega", (0.8, 1.1), step=0.05, virtual=False)
-    (graze,) = [point for point in branch.special if point.kind == "grazing"]
+    (graze,) = special_points(branch, "grazing")
     known = values["grazing_w_of_n=1"][0]
     assert graze.value == pytest.approx(float(known["w"]), abs=1e-12)
     assert sorted(graze.orbit.velocities) == pytest.approx([0.0, float(known["v"])], abs=1e-11)
@@ -187,7 +188,7 @@ def test_where_one_impact_begins_to_graze_a_second_impact_is_born(values):
 def test_three_impacts_fold_even_without_a_gap():
     """That no branch folds without a gap is a law of one impact only."""
     branch = vi.continue_orbit(first(0.6, n_impacts=3), "omega", (0.55, 0.75), step=0.03, virtual=False)
-    (point,) = [point for point in branch.special if point.kind == "fold"]
+    (point,) = special_points(branch, "fold")
     assert point.orbit.admissible
     assert max(branch.values) == point.value
     beside = point.orbit.oscillator.replace(omega=point.value - 1e-5)
@@ -229,9 +230,9 @@ def test_the_dataset_is_labelled(doubled):
 
 
 def test_orbits_of_a_branch_may_be_stopped_on_request():
-    seen = []
+    news = []
     branch = vi.continue_orbit(
-        first(), "omega", (1.5, 4.0), progress=lambda done, total, partial: seen.append(done) or len(seen) < 5
+        first(), "omega", (1.5, 4.0), progress=lambda done, total, partial: news.append(done) or len(news) < 5
     )
     assert branch.outcome == ("stopped", "stopped")
     assert 5 <= len(branch.orbits) <= 12

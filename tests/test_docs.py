@@ -115,9 +115,9 @@ def test_speeds_that_pages_state_are_those_of_the_last_benchmark():
 
 def test_the_description_in_the_readme_is_what_describe_prints():
     shown = (ROOT / "README.md").read_text().partition("$ vibroimpact describe -p omega=2.6\n")[2].partition("```")[0]
-    told = str(vi.describe(vi.ImpactOscillator(omega=2.6))).splitlines()
+    lines = str(vi.describe(vi.ImpactOscillator(omega=2.6))).splitlines()
     assert shown
-    assert set(shown.splitlines()) <= set(told)
+    assert set(shown.splitlines()) <= set(lines)
 
 
 @pytest.mark.parametrize("name", MODULES)

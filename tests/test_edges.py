@@ -181,9 +181,9 @@ def many(osc):
 
 def lasting(cells, runner):
     motions = runner.measure(cells, SEEN)
-    left = np.array([i for i, motion in enumerate(motions) if hits(motion) and not motion.n_periods], int)
-    if left.size:
-        for i, motion in zip(left, runner.measure(cells[left], LATEST), strict=True):
+    unnamed = np.array([i for i, motion in enumerate(motions) if hits(motion) and not motion.n_periods], int)
+    if unnamed.size:
+        for i, motion in zip(unnamed, runner.measure(cells[unnamed], LATEST), strict=True):
             motions[i] = motion
     return motions
 

@@ -99,10 +99,10 @@ def test_the_motion_shown_of_a_system_stays_between_its_walls_and_touches_them_a
         room = wall.side * (point.shown.place(wall, time) - y)
         assert room.min() >= -1e-9 * np.abs(y).max()
     touched = point.places(point.impacts["stop"], point.impacts["time"])
-    here = ~np.isnan(touched)
-    assert here.any()
-    at = np.searchsorted(time, point.impacts["time"][here])
-    assert y[at] == pytest.approx(touched[here], abs=1e-12 * np.abs(y).max())
+    struck = ~np.isnan(touched)
+    assert struck.any()
+    at = np.searchsorted(time, point.impacts["time"][struck])
+    assert y[at] == pytest.approx(touched[struck], abs=1e-12 * np.abs(y).max())
 
 
 def test_the_numbers_of_a_point_are_those_of_parameter_map():
@@ -168,10 +168,10 @@ def test_a_combination_that_raises_is_refused_with_its_place_and_the_page_goes_o
     assert explorer.view.y_range[1] == pytest.approx(1.2, rel=1e-3)  # as far as it can be made
     before = explorer.view
     assert not explorer.set_parameter("clearance_mm", 1.3)
-    (told,) = received(heard, "message")
-    assert "shaker fails at" in told
+    (message,) = received(heard, "message")
+    assert "shaker fails at" in message
     line = shaker.function.__code__.co_firstlineno + 4
-    assert f"RuntimeError: the shaker has no room (test_explorer_models.py, line {line})" in told
+    assert f"RuntimeError: the shaker has no room (test_explorer_models.py, line {line})" in message
     assert explorer.view == before
     assert explorer.set_parameter("clearance_mm", 0.6)
     explorer.close()
@@ -188,11 +188,11 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize(("text", "told"), REFUSED.items())
-def test_a_model_file_is_refused_in_one_line_that_tells_its_own(tmp_path, monkeypatch, text, told):
+@pytest.mark.parametrize(("text", "words"), REFUSED.items())
+def test_a_model_file_is_refused_in_one_line_that_tells_its_own(tmp_path, monkeypatch, text, words):
     monkeypatch.setattr("sys.path", [*__import__("sys").path])
     (tmp_path / "mine.py").write_text(text)
-    with pytest.raises(ValueError, match=told) as refused:
+    with pytest.raises(ValueError, match=words) as refused:
         load_model(f"{tmp_path}/mine.py:shaker")
     assert "\n" not in str(refused.value)
 

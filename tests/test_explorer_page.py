@@ -1,7 +1,6 @@
 """The explorer's page in a real browser: what a person does, and what the page asks for."""
 
 import contextlib
-import http.client
 import re
 import shutil
 import subprocess
@@ -162,10 +161,10 @@ def test_a_slider_renews_the_plane(tab):
 
 def test_a_typed_number_out_of_range_is_answered(tab):
     load(tab)
-    for typed, told in (("3", "must be between 0 and 1, got 3"), ("bouncy", "must be a number, got 'bouncy'")):
+    for typed, words in (("3", "must be between 0 and 1, got 3"), ("bouncy", "must be a number, got 'bouncy'")):
         tab.fill("#number_restitution", typed)
         tab.press("#number_restitution", "Enter")
-        until(tab, f"document.getElementById('message').textContent.includes({told!r})")
+        until(tab, f"document.getElementById('message').textContent.includes({words!r})")
         until(tab, "document.getElementById('number_restitution').value === '0.8'")
 
 
@@ -261,11 +260,11 @@ def test_the_pointer_over_the_plane_tells_value_and_name_of_the_cell(tab):
     box = tab.locator("#plane-canvas").bounding_box()
     tab.mouse.move(box["x"] + 62 + 0.5 * (box["width"] - 128), box["y"] + 150)
     tab.locator("#tip").wait_for(state="visible")
-    told = tab.inner_text("#tip").split("\n")
-    assert re.fullmatch(r"ω (2|2\.00\d*|1\.99\d*) rad/s", told[0])
-    assert re.fullmatch(r"m \d\S* kg", told[1])
-    assert re.fullmatch(r"Std of impact velocities \d\S* [fpnµm]?m/s", told[2])
-    assert told[3] == "from rest: period-1 impact-1"
+    tip = tab.inner_text("#tip").split("\n")
+    assert re.fullmatch(r"ω (2|2\.00\d*|1\.99\d*) rad/s", tip[0])
+    assert re.fullmatch(r"m \d\S* kg", tip[1])
+    assert re.fullmatch(r"Std of impact velocities \d\S* [fpnµm]?m/s", tip[2])
+    assert tip[3] == "from rest: period-1 impact-1"
     tab.mouse.down()
     assert not tab.locator("#tip").is_visible()
     tab.mouse.up()
@@ -363,12 +362,12 @@ def test_the_link_holds_speed_and_zoom_too(tab, browser):
     tab.select_option("#speed", "2")
     tab.evaluate("Motion.plots.portrait.zoom(0.25, { x: -2, y: 1 })")
     until(tab, "location.hash.includes('portrait')")
-    seen = tab.evaluate("Motion.plots.portrait.part")
+    part = tab.evaluate("Motion.plots.portrait.part")
     assert "#speed=2&portrait=" in tab.url
     with opened(browser, tab.address) as other:
         other.goto(tab.url)
         until(other, "window.explorer && window.explorer.drawn > 0 && Motion.plots.portrait.part")
-        assert other.evaluate("Motion.plots.portrait.part") == pytest.approx(seen, rel=1e-8)
+        assert other.evaluate("Motion.plots.portrait.part") == pytest.approx(part, rel=1e-8)
         assert other.input_value("#speed") == "2"
         assert other.evaluate("Motion.plots.history.part") is None
     click(tab, 0.2, 0.3)  # another motion is seen whole
@@ -442,10 +441,10 @@ def test_cells_that_hit_from_other_initial_conditions_are_hatched(tab):
     x, y = tab.evaluate("[Plane.plot.px(165), Plane.plot.py(0.0006)]")
     tab.mouse.move(box["x"] + x, box["y"] + y)
     tab.locator("#tip").wait_for(state="visible")
-    told = tab.inner_text("#tip").split("\n")
-    assert told[1].endswith(" mm")
-    assert told[2] == "from rest: no impact"
-    assert re.fullmatch(r"from another initial condition: impacts of up to 0\.1\d* m/s", told[3])
+    tip = tab.inner_text("#tip").split("\n")
+    assert tip[1].endswith(" mm")
+    assert tip[2] == "from rest: no impact"
+    assert re.fullmatch(r"from another initial condition: impacts of up to 0\.1\d* m/s", tip[3])
     tab.mouse.wheel(0, -100)  # the stripes stay as wide while the plane is zoomed
     assert 0.05 < tab.evaluate(stripes, hatched) < 0.4
 
@@ -622,12 +621,12 @@ def test_an_exported_picture_is_the_view_at_twice_its_size(tab, tmp_path):
     left, top = places[0]["x"], places[0]["y"]
     right, bottom = places[1]["x"] + places[1]["width"], places[1]["y"] + places[1]["height"]
     drawn = image.imread(tmp_path / "view.png")[..., :3]
-    seen = image.imread(tmp_path / "page.png")[int(top) : int(bottom), int(left) : int(right), :3]
+    picture = image.imread(tmp_path / "page.png")[int(top) : int(bottom), int(left) : int(right), :3]
     assert drawn.shape[:2] == (round(2 * (bottom - top)), round(2 * (right - left)))
-    rows, columns = (min(a, b // 2) for a, b in zip(seen.shape[:2], drawn.shape[:2], strict=True))
-    seen = seen[:rows, :columns]
+    rows, columns = (min(a, b // 2) for a, b in zip(picture.shape[:2], drawn.shape[:2], strict=True))
+    picture = picture[:rows, :columns]
     small = drawn[: 2 * rows, : 2 * columns].reshape(rows, 2, columns, 2, 3).mean((1, 3))
-    assert (abs(small - seen).max(-1) < 0.25).mean() > 0.9
+    assert (abs(small - picture).max(-1) < 0.25).mean() > 0.9
 
 
 def test_ticks_show_what_the_view_has_and_change_it(tab):
@@ -742,44 +741,6 @@ def test_a_stored_study_opens(browser, tmp_path):
         page.goto(found)
         until(page, "window.explorer && window.explorer.planes.length > 0")
         page.get_by_text("stored sweep run.zarr").wait_for(timeout=PATIENCE)
-
-
-def test_other_pages_may_not_open_the_websocket(address):
-    place = urlsplit(address)
-    for origin, status in (("http://evil.example", 403), (f"http://localhost:{place.port}", 101)):
-        connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=300)
-        connection.request(
-            "GET", "/ws", headers={"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
-                                   "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Origin": origin,
-                                   "Host": f"localhost:{place.port}"},
-        )  # fmt: skip
-        with connection.getresponse() as answer:  # of an open websocket it holds the socket, too
-            assert answer.status == status
-        connection.close()
-
-
-def test_the_server_listens_on_loopback_alone(address):
-    from vibroimpact.explorer import check_host, is_loopback, origins
-
-    assert is_loopback(check_host("localhost"))
-    assert origins("127.0.0.1", 5006) == ["127.0.0.1:5006", "localhost:5006"]
-
-
-def test_a_host_that_lets_others_in_is_warned_of(capsys):
-    from vibroimpact.explorer import check_host
-
-    assert check_host("0.0.0.0") == "0.0.0.0"
-    assert "anyone" in capsys.readouterr().err
-    with pytest.raises(ValueError, match="`host`"):
-        check_host("no such machine")
-
-
-def test_a_port_that_is_taken_is_refused_in_words(address):
-    from vibroimpact.explorer import make_server
-
-    for port in (urlsplit(address).port, 70_000, -1):
-        with pytest.raises(ValueError, match="`port`"):
-            make_server(port=port)
 
 
 @pytest.mark.long

@@ -170,15 +170,15 @@ def test_the_worst_of_17_initial_conditions_is_that_of_figures_and_motions_stay_
         indices=tuple(INDICES), **axes,
     )  # fmt: skip
     rest = several.isel(start=0)
-    here = np.ix_(cells, cells)
+    coarse = np.ix_(cells, cells)
     worse = 0
     for name in ("std", "max_velocity", "lyapunov", "grazing_margin"):
         worst = several[name].min("start") if name == "grazing_margin" else several[name].max("start")
-        np.testing.assert_array_equal(plane.values[name][here], worst.values)
+        np.testing.assert_array_equal(plane.values[name][coarse], worst.values)
         worse += int(((worst != rest[name]) & worst.notnull()).sum())
     assert worse > 20
-    np.testing.assert_array_equal(plane.values["n_periods"][here], rest["n_periods"].values)
-    np.testing.assert_array_equal(plane.values["motion"][here], vi.classify(rest)["motion"].values)
+    np.testing.assert_array_equal(plane.values["n_periods"][coarse], rest["n_periods"].values)
+    np.testing.assert_array_equal(plane.values["motion"][coarse], vi.classify(rest)["motion"].values)
     head = PlaneView().show_plane(plane)["#plane-head"]["html"]
     assert "worst of 17 initial conditions" in head
     plane.view = replace(view, index="motion")

@@ -193,9 +193,9 @@ def test_a_sweep_of_a_ready_made_model_is_shown_with_its_own_parameters(tmp_path
     assert (view.model, view.x, view.y, view.index) == ("impact_pair", "frequency", "clearance", "max_velocity")
     assert view.osc.values["restitution"] == 0.5
     assert from_query(to_query(view), find) == view
-    seen = look(view).values["max_velocity"]
+    shown = look(view).values["max_velocity"]
     for i, j in np.ndindex(4, 3):  # the cell in the middle of that value's
-        assert seen[32 + 64 * i, round((j + 0.5) * 256 / 3)] == sweep["max_velocity"].values[i, j]
+        assert shown[32 + 64 * i, round((j + 0.5) * 256 / 3)] == sweep["max_velocity"].values[i, j]
     assert look(replace(view, index="lyapunov")) is None  # it holds none: computed anew
 
 

@@ -13,12 +13,12 @@ from vibroimpact.indices import INDICES
 
 def watch(osc, window, start=None, time_step=0.0005, **tolerances):
     backend = get_backend("fixed-step", time_step=time_step)
-    (seen,) = backend.samples(make_cells(osc, start), Measurement(window, vi.Tolerances(**tolerances)))
-    return seen
+    (samples,) = backend.samples(make_cells(osc, start), Measurement(window, vi.Tolerances(**tolerances)))
+    return samples
 
 
-def times(seen, osc):
-    return (seen.impact_periods + seen.impact_phase) * osc.period
+def times(samples, osc):
+    return (samples.impact_periods + samples.impact_phase) * osc.period
 
 
 def test_free_flight_converges_with_the_fourth_power_of_the_step(values):
@@ -136,10 +136,10 @@ def test_a_time_step_that_is_no_positive_number_is_refused(time_step):
 
 def test_indices_are_those_that_its_samples_tell_and_no_more():
     cells, window = make_cells(vi.ImpactOscillator(omega=0.95), vi.State(-1.0)), Measurement(ImpactWindow(100, 50))
-    told, exact = (get_backend(name).indices(cells, window) for name in ("fixed-step", "reference"))
+    ours, exact = (get_backend(name).indices(cells, window) for name in ("fixed-step", "reference"))
     assert get_backend("reference").known_indices == set(INDICES)
     for name, index in INDICES.items():
         if name in get_backend("fixed-step").known_indices:
-            assert told[name][0] == pytest.approx(exact[name][0], rel=0.05)
+            assert ours[name][0] == pytest.approx(exact[name][0], rel=0.05)
         else:
-            assert told[name][0] == 0 if index.dtype == "int32" else math.isnan(told[name][0])
+            assert ours[name][0] == 0 if index.dtype == "int32" else math.isnan(ours[name][0])

@@ -390,10 +390,10 @@ def test_a_result_that_lacks_something_is_summed_up_or_refused_in_words(tmp_path
     else:
         result = result.drop_vars(lost)
     path = vi.save(result, tmp_path / "map.zarr")
-    code, told = main(["plot", str(path)]), capsys.readouterr()
+    code, output = main(["plot", str(path)]), capsys.readouterr()
     assert code in (0, 2)
-    assert len(told.err.splitlines()) <= 1
-    assert "Error" not in told.err or "map.zarr" in told.err
+    assert len(output.err.splitlines()) <= 1
+    assert "Error" not in output.err or "map.zarr" in output.err
 
 
 def commanded(store: Path, command: str) -> None:
@@ -402,7 +402,7 @@ def commanded(store: Path, command: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("command", "told"),
+    ("command", "words"),
     [
         ("vibroimpact map --x omega=1:2:3 --out run.zarr", "vibroimpact map --x omega=1:2:3 --out run.zarr"),
         ("vibroimpact map --out 'two words.zarr' --overwrite", "vibroimpact map --out 'two words.zarr'"),
@@ -418,16 +418,16 @@ def commanded(store: Path, command: str) -> None:
         ("", None),
     ],
 )  # fmt: skip
-def test_a_foreign_command_is_no_advice_unless_it_is_one_of_ours_quoted_anew(copied, capsys, command, told):
+def test_a_foreign_command_is_no_advice_unless_it_is_one_of_ours_quoted_anew(copied, capsys, command, words):
     store = copied("map.zarr")
     (store / "std" / "c" / "0" / "0").unlink()
     commanded(store, command)
     assert main(["info", str(store)]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
-    if told is None or told == "vibroimpact 'map;' rm":
+    if words is None or words == "vibroimpact 'map;' rm":
         assert last == "continue with: the same parameter_map(..., store=...) call"
     else:
-        assert last == f"continue with: {told}"
+        assert last == f"continue with: {words}"
 
 
 def test_what_is_printed_of_a_file_holds_no_control_codes(copied, capsys):
@@ -441,9 +441,9 @@ def test_what_is_printed_of_a_file_holds_no_control_codes(copied, capsys):
     )
     for words in (["info", str(store)], ["plot", str(store)], ["info", "no\x1b[2J\nsuch.zarr"]):
         main(words)
-        told = capsys.readouterr()
-        assert all(line.isprintable() for line in (told.out + told.err).splitlines())
-        assert not any(line.startswith(("continue with", "wrote")) for line in told.out.splitlines())
+        output = capsys.readouterr()
+        assert all(line.isprintable() for line in (output.out + output.err).splitlines())
+        assert not any(line.startswith(("continue with", "wrote")) for line in output.out.splitlines())
 
 
 # Whatever happens to files

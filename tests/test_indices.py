@@ -29,8 +29,8 @@ def spread():
     }
 
 
-def name_of(told):
-    return told["n_periods"], told["n_impacts"]
+def name_of(indices):
+    return indices["n_periods"], indices["n_impacts"]
 
 
 # Exponents
@@ -532,9 +532,9 @@ def test_a_diagram_tells_the_indices_of_the_motion_it_shows(direction):
     )
     assert diagram["lyapunov"].dims == ("omega",)
     # Of a cycle the largest velocity is told without the way to it; the sample's end holds short ones whole.
-    told, cycle = diagram["n_periods"] > 0, (diagram["n_periods"] > 0) & (diagram["n_periods"] < 20)
+    periodic, cycle = diagram["n_periods"] > 0, (diagram["n_periods"] > 0) & (diagram["n_periods"] < 20)
     settled, sample = diagram["velocity"][:, -100:].max("impact"), diagram["velocity"].max("impact")
-    np.testing.assert_allclose(diagram["max_velocity"].where(~told), sample.where(~told), rtol=1e-9)
+    np.testing.assert_allclose(diagram["max_velocity"].where(~periodic), sample.where(~periodic), rtol=1e-9)
     np.testing.assert_allclose(diagram["max_velocity"].where(cycle), settled.where(cycle), rtol=1e-6)
     one = (diagram["n_impacts"] == 1).values
     spread = (diagram["velocity"].max("impact") - diagram["velocity"].min("impact")).values

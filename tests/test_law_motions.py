@@ -34,12 +34,12 @@ LAWS = [HUNT, piecewise([0.05, 0.3, 1.0, 2.5], [0.9, 0.8, 0.5, 0.45]), law_of(po
 
 def ball(r, **changes):
     """Return a free mass that a constant force presses on a stop, a = 3 m/s^2."""
-    given = {
+    arguments = {
         "mass": 2.0,
         "force": vi.Force(omega=0.7, constant=6.0),
         "stops": [vi.Stop(direction=1.0, gap=0.0, restitution=r)],
     }
-    return vi.ImpactSystem(**{**given, "stiffness": 0.0} | changes)
+    return vi.ImpactSystem(**{**arguments, "stiffness": 0.0} | changes)
 
 
 def dropped(system, speed, number):

@@ -20,7 +20,7 @@ PHASE = np.linspace(0.0, 0.9, 1000)
 
 
 @pytest.mark.parametrize(
-    ("call", "told"),
+    ("call", "words"),
     [
         (lambda: vi.impact_section(OSC, sample_impacts=10**30), "`sample_impacts` must be at most 1,000,000,000"),
         (lambda: vi.impact_section(OSC, sample_impacts=10**9), "`sample_impacts` asks for 1e[+]09 rows, which take"),
@@ -48,11 +48,11 @@ PHASE = np.linspace(0.0, 0.9, 1000)
         (lambda: vi.basins(OSC, phase=PHASE, velocity=[1.0, 2.0], **LONG), "1,000,000,001 impacts or more each, which"),
     ],
 )
-def test_what_would_not_end_or_fit_is_refused_before_it_begins(call, told):
-    if told is None:
+def test_what_would_not_end_or_fit_is_refused_before_it_begins(call, words):
+    if words is None:
         call()
         return
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=words):
         call()
 
 

@@ -49,10 +49,10 @@ def opposite(stop, other):
 
 @pytest.mark.parametrize("name", MODELS)
 def test_a_model_takes_numbers_by_name_and_needs_none(name):
-    for argument, given in inspect.signature(MODELS[name]).parameters.items():
-        assert given.kind is inspect.Parameter.KEYWORD_ONLY
-        assert isinstance(given.default, (int, float)), argument
-        assert TABLE[argument].check(given.default) == given.default
+    for argument, parameter in inspect.signature(MODELS[name]).parameters.items():
+        assert parameter.kind is inspect.Parameter.KEYWORD_ONLY
+        assert isinstance(parameter.default, (int, float)), argument
+        assert TABLE[argument].check(parameter.default) == parameter.default
 
 
 def test_every_number_in_the_table_is_one_of_a_model():
@@ -61,12 +61,12 @@ def test_every_number_in_the_table_is_one_of_a_model():
 
 @pytest.mark.parametrize("name", MODELS)
 def test_a_family_of_a_model_makes_the_same_and_knows_units_and_ranges(name):
-    model, made = vi.family(MODELS[name]), MODELS[name]()
-    assert model() == made
+    model, machine = vi.family(MODELS[name]), MODELS[name]()
+    assert model() == machine
     assert pickle.loads(pickle.dumps(model)) == model
     counts = ("modes", "particles")
     changed = {argument: 0.99 * value for argument, value in model.values.items() if argument not in counts}
-    assert model.replace(**changed)() == MODELS[name](**changed) != made
+    assert model.replace(**changed)() == MODELS[name](**changed) != machine
     assert dict(model.parameters) == MODELS[name].parameters
     if "restitution" in model.parameters:
         with pytest.raises(ValueError, match="`restitution` must be between 0 and 1"):
@@ -427,8 +427,8 @@ def test_static_deflections_tend_to_those_of_beam_theory_as_modes_are_added(ends
     }.items():
         misses = []
         for modes in (1, 3, 12):
-            given = {"force": 0.0, "base_acceleration": 0.0, drive: 1.0}
-            beam = BEAMS[ends](**size, **given, force_at=place, stop_at=place, modes=modes)
+            drives = {"force": 0.0, "base_acceleration": 0.0, drive: 1.0}
+            beam = BEAMS[ends](**size, **drives, force_at=place, stop_at=place, modes=modes)
             static = beam.stops[0].direction @ np.linalg.solve(beam.stiffness, beam.force.harmonics[1].real)
             misses.append(abs(static / exact - 1.0))
         assert misses[0] > misses[1] > misses[2]
@@ -509,7 +509,7 @@ def test_supports_in_mirrored_places_make_a_mirrored_tube():
 # What is refused
 
 
-@pytest.mark.parametrize(("model", "given", "message"), [
+@pytest.mark.parametrize(("model", "number", "message"), [
     ("bouncing_ball", {"amplitud": 1.0}, "unknown parameter 'amplitud'; .*did you mean 'amplitude'"),
     ("bouncing_ball", {"mass": 0.0}, "`mass` must be a finite number > 0, got 0.0; give the moving mass in kg"),
     ("bouncing_ball", {"amplitude": "1"}, "`amplitude` must be .*, got '1'; write numbers without quotes"),
@@ -532,9 +532,9 @@ def test_supports_in_mirrored_places_make_a_mirrored_tube():
     ("tube_in_supports", {"second_support_at": 1.0}, "`second_support_at` must be a place that moves, got 1.0"),
     ("unbalanced_machine", {"gap": math.inf}, "`gap` must be a finite number, got inf"),
 ])  # fmt: skip
-def test_a_number_that_makes_no_machine_is_refused_by_its_name(model, given, message):
+def test_a_number_that_makes_no_machine_is_refused_by_its_name(model, number, message):
     with pytest.raises(ValueError, match=message) as error:
-        MODELS[model](**given)
+        MODELS[model](**number)
     assert "\n" not in str(error.value)
 
 

@@ -51,7 +51,7 @@ def test_two_impacts_a_period_agree_with_50_digits(values):
 def test_the_quadratic_of_one_impact_holds_on_random_oscillators():
     """(alpha^2 + beta^2/w^2) v^2 + 2 alpha g v + g^2 - R^2 = 0, with alpha and beta from the flow over nT."""
     rng = np.random.default_rng(1)
-    seen = 0
+    count = 0
     for _ in range(200):
         osc, n = random_oscillator(rng), int(rng.integers(1, 4))
         half, time = osc.damping / (2 * osc.mass), n * osc.period
@@ -65,8 +65,8 @@ def test_the_quadratic_of_one_impact_holds_on_random_oscillators():
         expected = sorted(root.real for root in roots if root.imag == 0 and root.real > 0)
         found = sorted(orbit.velocities[0] for orbit in vi.find_orbit(osc, n_periods=n))
         assert found == pytest.approx(expected, rel=1e-9)
-        seen += len(found)
-    assert seen > 150
+        count += len(found)
+    assert count > 150
 
 
 def test_without_a_gap_there_is_exactly_one_impact_1_orbit_for_every_frequency_and_length():
@@ -152,8 +152,8 @@ def test_multipliers_tell_how_the_engine_brings_neighbours_back():
     phase, velocity = orbit.phases[0], orbit.velocities[0]
     starts = [(phase + step, velocity), (phase - step, velocity), (phase, velocity + step), (phase, velocity - step)]
     ends = []
-    for seen in contacts(osc, *np.array(starts).T, 2):
-        ends.append([seen.impact_phase[2], seen.impact_velocity[2]])
+    for touches in contacts(osc, *np.array(starts).T, 2):
+        ends.append([touches.impact_phase[2], touches.impact_velocity[2]])
     ends = np.array(ends)
     matrix = np.array([ends[0] - ends[1], ends[2] - ends[3]]).T / (2 * step)
     assert np.trace(matrix) == pytest.approx(orbit.trace, abs=1e-7)
@@ -163,8 +163,8 @@ def test_multipliers_tell_how_the_engine_brings_neighbours_back():
 def test_the_determinant_is_what_impacts_and_damping_leave():
     for orbit in vi.find_orbit(vi.ImpactOscillator(omega=3.0), n_periods=2, n_impacts=3):
         osc = orbit.oscillator
-        left = osc.restitution**6 * math.exp(-osc.damping * orbit.period / osc.mass)
-        assert orbit.determinant == pytest.approx(left, rel=1e-13)
+        determinant = osc.restitution**6 * math.exp(-osc.damping * orbit.period / osc.mass)
+        assert orbit.determinant == pytest.approx(determinant, rel=1e-13)
 
 
 def test_scaling_leaves_phases_and_multipliers():

@@ -222,11 +222,11 @@ def test_a_bifurcation_diagram_shows_the_quantity_asked_for(ax):
 
 def test_a_title_tells_the_angular_frequency_in_hertz_too():
     """w = 2 pi 20 Hz."""
-    held = curve([0.1, 0.2], axis="mass").assign_attrs(
+    line = curve([0.1, 0.2], axis="mass").assign_attrs(
         provenance("parameter_map", vi.ImpactOscillator(frequency=20.0), {})
     )
-    told = plotting.index_curve(held).get_title().replace("\n", " ")
-    assert r"$\omega$ = 125.66 rad/s (20 Hz)" in told
+    title = plotting.index_curve(line).get_title().replace("\n", " ")
+    assert r"$\omega$ = 125.66 rad/s (20 Hz)" in title
     assert "Hz" not in plotting.index_curve(curve([0.1, 0.2])).get_title(), "what is swept is not told"
 
 
@@ -305,7 +305,7 @@ def test_the_help_of_a_figure_has_every_parameter_and_what_it_returns(name):
 
 
 @pytest.mark.parametrize(
-    ("draw", "wrong", "told"),
+    ("draw", "wrong", "words"),
     [
         (plotting.time_history, impacts([0.5], [1.0]), "`simulation` must be a result of simulate"),
         (plotting.phase_portrait, [1.0, 2.0], "got a list; pass what vibroimpact.simulate returns"),
@@ -327,14 +327,14 @@ def test_the_help_of_a_figure_has_every_parameter_and_what_it_returns(name):
         (lambda s: plotting.index_curve(s, "mean"), curve([0.1, 0.2]), "unknown `index` 'mean'; choose from std"),
     ],
 )
-def test_another_kind_of_result_is_refused_in_words(draw, wrong, told):
+def test_another_kind_of_result_is_refused_in_words(draw, wrong, words):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         draw(wrong)
-    assert told in str(caught.value)
+    assert words in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "scale", "told"),
+    ("first", "second", "scale", "words"),
     [
         (diagram([[1.0]], dim="period"), curve([0.1, 0.2]), 5, "`diagram` must hold impacts"),
         (
@@ -346,10 +346,10 @@ def test_another_kind_of_result_is_refused_in_words(draw, wrong, told):
         (diagram([[1.0]]), curve([0.1, 0.2]), np.nan, "`scale` must be a finite number, got nan"),
     ],
 )
-def test_a_diagram_and_an_index_that_do_not_belong_together_are_refused(first, second, scale, told):
+def test_a_diagram_and_an_index_that_do_not_belong_together_are_refused(first, second, scale, words):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         plotting.diagram_with_index(first, second, scale=scale)
-    assert told in str(caught.value)
+    assert words in str(caught.value)
 
 
 def test_a_result_that_lost_its_oscillator_is_refused_where_the_stop_is_drawn():

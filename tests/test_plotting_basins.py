@@ -107,8 +107,8 @@ def test_starts_without_an_attractor_say_why(ax):
     basin_portrait(made([[-1, -1], [-1, 0]], ["chaotic"], status), ax=ax)
     colors = [OPEN, STATUS_COLORS[vi.Status.BUDGET], STATUS_COLORS[vi.Status.INTERRUPTED], ATTRACTORS[0]]
     np.testing.assert_allclose(shades(ax)[[0, 1, 0, 1], [0, 0, 1, 1]], [to_rgb(color) for color in colors])
-    told = [text.partition(":")[0].partition(" (")[0] for text in legend_texts(ax)]
-    assert told == ["chaotic", "not followed to the end", "interrupted", "undecided"]
+    labels = [text.partition(":")[0].partition(" (")[0] for text in legend_texts(ax)]
+    assert labels == ["chaotic", "not followed to the end", "interrupted", "undecided"]
 
 
 def test_many_attractors_share_the_last_colour(ax):

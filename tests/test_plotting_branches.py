@@ -77,9 +77,9 @@ def test_stable_parts_are_solid_unstable_dashed_and_impossible_ones_dotted(branc
 
 def test_letters_stand_at_the_bifurcations_and_are_joined_where_they_would_overlap(branch, ax):
     branch_diagram(branch, ax=ax)
-    told = {text.get_text(): text.xy for text in ax.texts}
+    places = {text.get_text(): text.xy for text in ax.texts}
     assert [text.get_text() for text in ax.texts] == ["G, PD", "PD", "PD"]
-    assert told["G, PD"][0] == branch.special[0].value
+    assert places["G, PD"][0] == branch.special[0].value
     marks = [line for line in ax.lines if line.get_marker() in ("o", "s")]
     assert sorted(float(line.get_xdata()[0]) for line in marks) == [point.value for point in branch.special]
 
@@ -102,9 +102,9 @@ def test_the_samples_lie_in_grey_beneath_and_on_the_stable_part(branch, diagram,
     assert dots.get_zorder() < lines_over(ax)[0].get_zorder()
     assert ax.get_xlim() == RANGE
     x, y = dots.get_data()
-    here = (x > 1.6) & (x < 2.5)
+    between = (x > 1.6) & (x < 2.5)
     stable = next(part for part in split(branch.dataset, "omega") if part.values[0] < 2.0 < part.values[-1])
-    np.testing.assert_allclose(y[here], np.interp(x[here], stable.values, stable.velocities[:, 0]), rtol=2e-2)
+    np.testing.assert_allclose(y[between], np.interp(x[between], stable.values, stable.velocities[:, 0]), rtol=2e-2)
     assert legend_texts(ax)[0] == "impact velocity (one dot per impact)"
 
 
@@ -127,7 +127,7 @@ def test_what_is_no_branch_or_goes_another_way_is_refused(branch, diagram):
     other = branch.dataset.rename(omega="gap")
     strobe = vi.bifurcation_diagram(OSC, omega=[1.0, 2.0], section="stroboscopic", sample_periods=5)
     over_gap = diagram.rename(omega="gap")
-    for arguments, told in (
+    for arguments, words in (
         (([],), "`branches` must hold at least one"),
         ((diagram,), "got a result of bifurcation_diagram with velocity"),
         ((None,), "`branches` must be branches of periodic orbits, got a NoneType"),
@@ -142,4 +142,4 @@ def test_what_is_no_branch_or_goes_another_way_is_refused(branch, diagram):
     ):
         with pytest.raises(ValueError) as caught:  # noqa: PT011
             branch_diagram(*arguments)
-        assert told in str(caught.value)
+        assert words in str(caught.value)

@@ -63,8 +63,8 @@ def with_statuses():
     status[:3], status[3:6] = vi.Status.NO_IMPACT, vi.Status.STOPPED_IMPACTING
     values = np.where(status > 0, np.nan, 0.5)
     dims = ("omega", "mass")
-    told = {name: variable(name, dims, values) for name in ("std", "max_velocity")}
-    return plane(**told, status=status_variable(dims, status))
+    variables = {name: variable(name, dims, values) for name in ("std", "max_velocity")}
+    return plane(**variables, status=status_variable(dims, status))
 
 
 P, S, C, N, U = (MotionClass[name] for name in ("PERIODIC", "STICKING", "CHAOTIC", "NO_IMPACT", "UNDECIDED"))
@@ -107,10 +107,10 @@ def test_cells_whose_motion_depends_on_the_initial_condition_are_hatched_over_th
 def test_rare_names_share_a_colour_and_shares_sum_to_all_cells(ax):
     names = [(P, n, p) for n in range(1, 13) for p in (1,)]
     motion_map(classes(names), ax=ax)
-    told = dict(text.split(" %   ")[::-1] for text in legend_texts(ax))
-    assert len(told) == len(PALETTE) + 1
-    assert sum(map(float, told.values())) == pytest.approx(100.0, abs=0.5)
-    assert float(told["other periodic"]) == pytest.approx(100 * 4 / 20)
+    shares = dict(text.split(" %   ")[::-1] for text in legend_texts(ax))
+    assert len(shares) == len(PALETTE) + 1
+    assert sum(map(float, shares.values())) == pytest.approx(100.0, abs=0.5)
+    assert float(shares["other periodic"]) == pytest.approx(100 * 4 / 20)
     shade = meshes(ax)[0].get_array()
     assert (np.abs(shade - to_rgb(OTHER_PERIODIC)).max(axis=-1) < 1e-12).sum() == 4 * 30
 
@@ -274,12 +274,12 @@ def test_a_plane_keeps_its_room_above_a_legend_of_many_long_lines(curves, index)
     drawn = boundaries(curves, with_statuses(), index)
     figure = drawn.get_figure()
     figure.draw_without_rendering()
-    plane, told = drawn.get_position(), drawn.get_legend().get_window_extent()
+    plane, legend = drawn.get_position(), drawn.get_legend().get_window_extent()
     assert len(legend_texts(drawn)) >= 4
     assert plane.width > 0.6
     assert plane.height > 0.6
-    assert 0.0 <= told.x0 < told.x1 <= figure.bbox.x1
-    assert told.y0 >= 0.0
+    assert 0.0 <= legend.x0 < legend.x1 <= figure.bbox.x1
+    assert legend.y0 >= 0.0
     plt.close(figure)
 
 
@@ -325,17 +325,17 @@ def test_period_one_loses_its_name_across_its_period_doubling(curves):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "words"),
     [
         (([],), "`curves` must hold at least one"),
         (([3.0],), "`curves` must be boundaries in a plane of two parameters, got a float"),
         ((classes([(P, 1, 1)]),), "got a result of parameter_map with motion, n_periods"),
     ],
 )
-def test_what_is_no_boundary_is_refused(arguments, told):
+def test_what_is_no_boundary_is_refused(arguments, words):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         boundaries(*arguments)
-    assert told in str(caught.value)
+    assert words in str(caught.value)
 
 
 @pytest.mark.long

@@ -187,8 +187,8 @@ def repeated(figure):
 
 def without_unit(figure):
     """Return the labels of axes that show no unit though their quantity has one."""
-    told = [axis.label.get_text().replace("\n", " ") for ax in figure.axes for axis in axes_of(ax)]
-    return [text for text in told if text and "[" not in text and not text.startswith((*PURE, "$"))]
+    labels = [axis.label.get_text().replace("\n", " ") for ax in figure.axes for axis in axes_of(ax)]
+    return [text for text in labels if text and "[" not in text and not text.startswith((*PURE, "$"))]
 
 
 def unexplained(figure):
@@ -258,8 +258,8 @@ def test_a_small_quantity_is_shown_in_a_smaller_unit_and_its_data_stay_in_si():
 def test_a_number_of_periods_has_a_colour_and_so_has_each_reason_for_none():
     """No impact and chaos, both 0, are told apart."""
     drawn = plotting.index_contour(sweep("tube", "map"), "n_periods")
-    told = [text.get_text().split("   ") for text in legends_of(drawn)[0].get_texts()]
-    shares = {name: float(share.strip(" %")) for share, name in told}
+    rows = [text.get_text().split("   ") for text in legends_of(drawn)[0].get_texts()]
+    shares = {name: float(share.strip(" %")) for share, name in rows}
     assert {"1", "2", "no impact from rest", "permanently in contact", "chaotic"} <= set(shares)
     assert sum(shares.values()) == pytest.approx(100.0, abs=0.5)
     motions = vi.classify(sweep("tube", "map"))["motion"]

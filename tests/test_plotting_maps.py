@@ -71,8 +71,8 @@ def test_the_contour_draws_each_cell_at_its_place_with_the_first_axis_along_x(ax
     assert mesh.get_array().shape == (61, 41)
     assert mesh.get_array()[60, 0] == pytest.approx(2.0)
     assert (ax.get_xlabel(), ax.get_ylabel()) == (r"angular driving frequency $\omega$ [rad/s]", "mass $m$ [kg]")
-    told = ax.get_figure().axes[1].get_ylabel().replace("\n", " ")
-    assert told == r"standard deviation of impact velocities ($\mathrm{Std}$) [m/s] (root scale)"
+    label = ax.get_figure().axes[1].get_ylabel().replace("\n", " ")
+    assert label == r"standard deviation of impact velocities ($\mathrm{Std}$) [m/s] (root scale)"
 
 
 def test_the_contour_draws_the_boundary_at_the_level_asked_for_and_tells_it(ax):
@@ -154,7 +154,7 @@ def test_the_surface_shows_every_cell_of_a_fine_map_and_lies_flat_where_there_is
 def test_maps_of_other_shapes_are_refused_with_the_way_out():
     cube = paraboloid().expand_dims(damping=[0.01, 0.02]).transpose("omega", "mass", "damping")
     line = paraboloid().isel(mass=3)
-    for wrong, told in (
+    for wrong, words in (
         (cube, "must be a parameter_map over two axes, got 3 axes (omega, mass, damping); select one value"),
         (cube, "sweep.sel(damping=0.01, method='nearest')"),
         (line, "got 1 axis (omega); draw it with index_curve"),
@@ -162,7 +162,7 @@ def test_maps_of_other_shapes_are_refused_with_the_way_out():
         for draw in (plotting.index_contour, plotting.index_surface):
             with pytest.raises(ValueError) as caught:  # noqa: PT011
                 draw(wrong)
-            assert told in str(caught.value)
+            assert words in str(caught.value)
     with pytest.raises(ValueError, match="`dataset` must be .* got 3 axes"):
         plotting.default_kind(cube)
     assert plotting.default_kind(paraboloid()) == "index-contour"
@@ -216,8 +216,8 @@ def test_designs_of_one_parameter_have_the_index_along_y(ax):
     found = designs(omega=[1.9, 2.0, 2.1])
     plotting.index_scatter(found, ax=ax)
     np.testing.assert_allclose(ax.lines[0].get_xydata(), np.column_stack([found["omega"], found["std"]]))
-    told = ax.get_ylabel().replace("\n", " ")
-    assert told == r"standard deviation of impact velocities ($\mathrm{Std}$) [m/s]", "rounding has no unit of its own"
+    label = ax.get_ylabel().replace("\n", " ")
+    assert label == r"standard deviation of impact velocities ($\mathrm{Std}$) [m/s]", "rounding has no unit of its own"
 
 
 def test_a_family_is_drawn_over_its_own_parameters_with_their_units():
@@ -231,15 +231,15 @@ def test_a_family_is_drawn_over_its_own_parameters_with_their_units():
     assert (drawn.get_xlabel(), drawn.get_ylabel()) == ("rpm [1/min]", "clearance mm [mm]")
     assert drawn.get_title() == "shaker,  unbalance = 0.5,  from rest"
     assert [text.get_text() for text in drawn.texts] == ["clearance_mm = 100 mm"]
-    held = plotting.index_curve(cells.sel(clearance_mm=150.0))
-    assert held.get_title() == "shaker,  clearance_mm = 150,  unbalance = 0.5,  from rest"
+    curve = plotting.index_curve(cells.sel(clearance_mm=150.0))
+    assert curve.get_title() == "shaker,  clearance_mm = 150,  unbalance = 0.5,  from rest"
     pair = plotting.comparison_figure([shaker.replace(rpm=13.4), shaker.replace(rpm=26.7)], periods=2)
     assert [ax.get_title().splitlines()[1] for ax in pair.axes[:2]] == ["rpm = 13.4 1/min", "rpm = 26.7 1/min"]
     plt.close("all")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "words"),
     [
         ({"index": "lyapunov"}, "unknown `index` 'lyapunov'; choose from std"),
         ({"level": "low"}, "`level` must be a finite number, got 'low'"),
@@ -248,10 +248,10 @@ def test_a_family_is_drawn_over_its_own_parameters_with_their_units():
         ({"reference": {"mass": 7.0}}, "must be between 0.5 and 2.5, the range of the map, got 7.0"),
     ],
 )
-def test_wrong_arguments_of_the_contour_are_refused_in_words(arguments, told, ax):
+def test_wrong_arguments_of_the_contour_are_refused_in_words(arguments, words, ax):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         plotting.index_contour(paraboloid(), **arguments, ax=ax)
-    assert told in str(caught.value)
+    assert words in str(caught.value)
 
 
 def test_a_surface_on_flat_axes_is_refused(ax):
@@ -299,7 +299,7 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_old_file_and_nothing_else(tmp_
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "words"),
     [
         ({"path": "figure.gif"}, r"must end in \.png, \.svg or \.pdf, got 'figure.gif'"),
         ({"path": "figure.png", "dpi": 0}, "`dpi` must be between 10 and 2400, got 0"),
@@ -312,6 +312,6 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_old_file_and_nothing_else(tmp_
         ),
     ],
 )
-def test_a_wrong_ending_size_or_resolution_is_refused(arguments, told, ax):
-    with pytest.raises(ValueError, match=told):
+def test_a_wrong_ending_size_or_resolution_is_refused(arguments, words, ax):
+    with pytest.raises(ValueError, match=words):
         plotting.save_figure(ax, **arguments)

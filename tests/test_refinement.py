@@ -71,14 +71,14 @@ def test_computed_cells_are_those_of_the_uniform_map_bit_for_bit_and_few_others_
 @pytest.mark.parametrize("name", PICTURES)
 def test_a_stopped_sweep_goes_on_where_it_stopped_with_the_same_bits(name, tmp_path):
     (plane, _), (model, axes, refine, indices, *_) = picture(name), PICTURES[name]
-    given = math.prod(map(len, axes.values()))
+    cells = math.prod(map(len, axes.values()))
     request = {"refine": refine, "indices": indices, "store": tmp_path / "r.zarr", **BRIEF, **axes}
-    partial = vi.refined_map(model, progress=lambda done, *_: done < 2 * given, **request)
+    partial = vi.refined_map(model, progress=lambda done, *_: done < 2 * cells, **request)
     assert partial.attrs["complete"] == 0
     assert not (partial["status"] == vi.Status.INTERRUPTED).any()  # filled in from what there is
     begun, again = [], []
     kept = vi.refined_map(model, progress=lambda done, total, partial: begun.append(done), **request)
-    assert begun[0] == given  # the given grid was kept
+    assert begun[0] == cells  # the given grid was kept
     assert kept.attrs["complete"] == 1
     for index in (*indices, "status", "level"):
         assert np.array_equal(kept[index].values, plane[index].values, equal_nan=True), index
@@ -166,9 +166,9 @@ def test_jumps_of_an_index_are_refined_too():
 
 
 def test_finer_axes_keep_the_given_values():
-    given = np.array([0.1, 0.3, 1.7])
-    fine = finer(given, 5)
-    assert np.array_equal(fine[::32], given)
+    values = np.array([0.1, 0.3, 1.7])
+    fine = finer(values, 5)
+    assert np.array_equal(fine[::32], values)
     assert (np.diff(fine) > 0.0).all()
     assert len(fine) == 65
 

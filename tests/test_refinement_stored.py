@@ -84,14 +84,14 @@ def summary(store):
 
 
 def test_the_summary_counts_cells_while_a_refined_map_is_computed(tmp_path, whole):
-    store, seen = tmp_path / "r.zarr", []
+    store, news = tmp_path / "r.zarr", []
 
     def look(done, total, partial):
-        seen.append((done, total, summary(store)))
+        news.append((done, total, summary(store)))
         return done < 269
 
     driver.refined(store, workers=1, progress=look)
-    for done, total, found in seen:
+    for done, total, found in news:
         assert found["needed"] == total
         assert done - 2 * 100 < found["cells_done"] <= done  # but for tiles that have not ended
     found = summary(store)

@@ -387,9 +387,9 @@ def test_all_along_the_curve_the_stuck_time_is_zero_and_sticking_lies_on_one_sid
         return bool(find_sticking_orbit(osc, n_periods=1, longest=1))
 
     for shift in (0.02, 1e-3):
-        left = [sticks(at) for at in inner + shift * across * width]
+        resting = [sticks(at) for at in inner + shift * across * width]
         right = [sticks(at) for at in inner - shift * across * width]
-        assert all(a != b and a == left[0] for a, b in zip(left, right, strict=True))
+        assert all(a != b and a == resting[0] for a, b in zip(resting, right, strict=True))
 
 
 def test_the_curve_passes_through_ends_found_one_by_one(default_end):

@@ -222,13 +222,13 @@ def shown(text):
 def test_a_result_comes_back_as_it_was_in_its_own_order_and_makes_the_same_table(tmp_path, kind, ending, result):
     back = vi.load(vi.save(result(kind), tmp_path / f"result{ending}"))
     xr.testing.assert_identical(back, result(kind))
-    for name, given in result(kind).variables.items():
-        assert given.dtype.kind in "OTU" or back[name].dtype == given.dtype, name
+    for name, array in result(kind).variables.items():
+        assert array.dtype.kind in "OTU" or back[name].dtype == array.dtype, name
     assert kind == "comparison" or oscillator_of(back) == oscillator_of(result(kind))
     assert list(back.variables) == list(result(kind).variables)
     assert list(back.dims) == list(result(kind).dims)
     assert "variable_order" not in back.attrs
-    first, second = (vi.save(given, tmp_path / f"{at}.csv") for at, given in enumerate((result(kind), back)))
+    first, second = (vi.save(dataset, tmp_path / f"{at}.csv") for at, dataset in enumerate((result(kind), back)))
     assert first.read_text() == second.read_text()
 
 
@@ -444,8 +444,8 @@ print(int(refused))
 
 @pytest.mark.long
 def test_of_outputs_put_in_one_place_at_the_same_moment_one_is_there_whole(tmp_path):
-    told = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    children = [subprocess.Popen([sys.executable, "-c", REPLACING], **told) for _ in range(3)]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    children = [subprocess.Popen([sys.executable, "-c", REPLACING], **pipes) for _ in range(3)]
     for child in children:
         assert child.stdout.readline() == "ready\n"
     for number, child in enumerate(children):

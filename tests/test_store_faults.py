@@ -113,10 +113,10 @@ def test_after_ctrl_c_nothing_more_is_written_and_finished_tiles_are_kept(tmp_pa
         process.send_signal(signal.SIGINT)
     out, complaints = process.communicate(timeout=600)
     assert (process.returncode, complaints) == (0, "")
-    told = json.loads(out.splitlines()[-1])
-    assert told["quiet"]
-    assert 1 <= told["done"] < driver.TILES
-    assert resumed(store) == driver.TILES - told["done"]
+    report = json.loads(out.splitlines()[-1])
+    assert report["quiet"]
+    assert 1 <= report["done"] < driver.TILES
+    assert resumed(store) == driver.TILES - report["done"]
     assert_whole(store, whole)
 
 
@@ -194,9 +194,9 @@ def small_disk(folder: Path, size: str):
     folder.mkdir()
     if sys.platform != "linux" or os.geteuid() != 0:
         pytest.skip("only root can mount a small disk")
-    made = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", folder], capture_output=True)
-    if made.returncode:
-        pytest.skip(f"a small disk cannot be mounted here: {made.stderr.decode().strip()}")
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", folder], capture_output=True)
+    if mounted.returncode:
+        pytest.skip(f"a small disk cannot be mounted here: {mounted.stderr.decode().strip()}")
     try:
         yield folder
     finally:

@@ -177,15 +177,15 @@ def test_a_partly_finished_store_opens_without_a_warning_and_its_root_holds_resu
 
 def test_what_is_missing_is_told_by_the_dataset_and_by_the_summary(partly):
     store = SweepStore(partly)
-    told, dataset = store.summary(), store.dataset().load()
+    summary, dataset = store.summary(), store.dataset().load()
     missing = int((dataset["status"] == vi.Status.INTERRUPTED).sum())
-    assert dataset.attrs["cells_missing"] == missing == told["cells"] - told["cells_done"]
-    assert (told["cells"], told["tiles"]) == (391, len(store.tiling))
-    assert 5 <= told["tiles_done"] < told["tiles"]
-    assert told["impacts"] == dataset.attrs["impacts_computed"] > 0
-    assert 0.0 < told["seconds"] < 60.0
+    assert dataset.attrs["cells_missing"] == missing == summary["cells"] - summary["cells_done"]
+    assert (summary["cells"], summary["tiles"]) == (391, len(store.tiling))
+    assert 5 <= summary["tiles_done"] < summary["tiles"]
+    assert summary["impacts"] == dataset.attrs["impacts_computed"] > 0
+    assert 0.0 < summary["seconds"] < 60.0
     words = {status.word: int((dataset["status"] == status).sum()) for status in vi.Status}
-    assert told["statuses"] == {word: count for word, count in words.items() if count and word != "interrupted"}
+    assert summary["statuses"] == {word: count for word, count in words.items() if count and word != "interrupted"}
 
 
 def test_a_store_of_which_nothing_is_done_opens(tmp_path):
@@ -200,8 +200,8 @@ def test_the_picture_of_a_partly_finished_store_says_which_part_is_missing(partl
     ax = vi.plotting.index_contour(SweepStore(partly).dataset())
     legend = ax.get_legend() or ax.get_figure().legends[0]
     missing = SweepStore(partly).dataset().attrs["cells_missing"]
-    told = [text.get_text() for text in legend.get_texts()]
-    assert any("interrupted" in words and f"{missing} cells" in words for words in told), told
+    lines = [text.get_text() for text in legend.get_texts()]
+    assert any("interrupted" in words and f"{missing} cells" in words for words in lines), lines
     vi.plotting.index_surface(SweepStore(partly).dataset())
     plt.close("all")
 
@@ -317,11 +317,11 @@ def test_what_cannot_be_stored_is_refused_and_what_lies_there_left_alone(tmp_pat
 def test_a_failing_back_end_ends_the_sweep_and_frees_the_store(tmp_path, monkeypatch):
     share, begun = CpuBackend.share, []
 
-    def fail(backend, cells, asked):
+    def fail(backend, cells, wanted):
         begun.append(len(cells))
         if len(begun) == 3:
             raise MemoryError("no room for the cells")
-        return share(backend, cells, asked)
+        return share(backend, cells, wanted)
 
     with monkeypatch.context() as patched:
         patched.setattr(CpuBackend, "share", fail)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from contents import names_of_starts
 from systems import THREE, TWINS, beside_its_centre, free_pair, linear, one_mass, random_pair, two_sided
 from systems import system as of
 from vibroimpact.backends import ImpactWindow
@@ -22,12 +23,6 @@ pytestmark = pytest.mark.usefixtures("modal_engine")
 
 
 STATES = {"displacement_1": np.linspace(-0.2, 0.2, 7), "velocity_1": np.linspace(-2.0, 2.0, 7)}
-
-
-def names(found):
-    """Return the name of the attractor of every start."""
-    meanings = np.array(found["attractor"].attrs["flag_meanings"].split())
-    return meanings[found["attractor"].values + 1]
 
 
 def mirrored(one, other):
@@ -74,7 +69,7 @@ def test_one_coordinate_and_one_stop_have_the_basins_of_the_oscillator(omega, ga
     states = {"displacement": np.linspace(gap - 2.0, gap, 9), "velocity": np.linspace(-1.0, 1.0, 8), "phase": 0.3}
     for plane in (impacts, states):
         portrait, as_system = vi.basins(osc, **plane), vi.basins(one_mass(osc), **plane)
-        np.testing.assert_array_equal(names(portrait), names(as_system))
+        np.testing.assert_array_equal(names_of_starts(portrait), names_of_starts(as_system))
         np.testing.assert_array_equal(portrait["share"], as_system["share"])
         for name in ("max_velocity", "mean_velocity", "dissipation"):
             np.testing.assert_allclose(portrait[name], as_system[name], rtol=1e-6, atol=0)
@@ -89,10 +84,10 @@ def test_a_decoupled_mode_changes_no_label():
     more = of(np.diag([1.0, 2.0]), np.diag([0.05, 0.3]), np.diag([1.0, 5.0]), 0.8, stops, {1: [1.0, 0.4]})
     y, v = np.linspace(-0.5, 0.5, 9), np.linspace(-1.0, 1.0, 8)
     alone = vi.basins(plain, displacement=y, velocity=v, phase=0.2)
-    assert {"period-1_impact-4", "period-1_impact-2"} == set(names(alone).ravel())
+    assert {"period-1_impact-4", "period-1_impact-2"} == set(names_of_starts(alone).ravel())
     begun = vi.State([0.0, 0.3], [0.0, -0.7], 0.2 * plain.period)
     beside = vi.basins(more, displacement_0=y, velocity_0=v, start=begun)
-    np.testing.assert_array_equal(names(alone), names(beside))
+    np.testing.assert_array_equal(names_of_starts(alone), names_of_starts(beside))
     np.testing.assert_allclose(alone["max_velocity"], beside["max_velocity"], rtol=1e-12)
 
 
@@ -103,7 +98,7 @@ def test_permuted_coordinates_and_stops_change_no_label():
     permuted = of(*matrices, THREE.omega, turned, {1: [0.0, 1.0]})
     portrait = vi.basins(THREE, **STATES)
     there = vi.basins(permuted, **{name.replace("1", "0"): values for name, values in STATES.items()})
-    np.testing.assert_array_equal(names(portrait), names(there))
+    np.testing.assert_array_equal(names_of_starts(portrait), names_of_starts(there))
     np.testing.assert_allclose(portrait["max_velocity"], there["max_velocity"], rtol=1e-12)
 
 
@@ -190,14 +185,14 @@ def test_every_periodic_attractor_is_a_stable_admissible_orbit(seed):
 @pytest.mark.long
 def test_the_witness_leads_to_the_same_attractors():
     plane = {name: values[::3] for name, values in STATES.items()}
-    told, tried = names(vi.basins(THREE, **plane)), set()
+    labels, tried = names_of_starts(vi.basins(THREE, **plane)), set()
     for i, y in enumerate(plane["displacement_1"]):
         for j, v in enumerate(plane["velocity_1"]):
             motion = follow(linear(THREE), [0.0, y], [0.0, v], 0.0, impacts=600, most_periods=150)
             phases = [event.time / THREE.period for event in motion.impacts if event.time > 138 * THREE.period]
-            seen = {0: "no_impact", 36: "period-2_impact-6", 32: "period-3_impact-8"}.get(len(phases), "transient")
-            assert seen in (told[i, j], "transient")
-            tried.add(seen)
+            label = {0: "no_impact", 36: "period-2_impact-6", 32: "period-3_impact-8"}.get(len(phases), "transient")
+            assert label in (labels[i, j], "transient")
+            tried.add(label)
     assert {"period-2_impact-6", "period-3_impact-8"} <= tried
 
 
@@ -205,19 +200,19 @@ def test_impacts_on_a_stop_are_the_nearest_states_that_strike_it():
     begun = vi.State([0.1, 0.05], [0.3, -0.2])
     plane = {"phase": np.array([0.1, 0.6]), "velocity": np.array([0.4, 1.5, 2.5])}
     portrait = vi.basins(THREE, **plane, stop="left", start=begun)
-    left = THREE.stops[1]
-    towards = np.linalg.solve(THREE.mass, left.direction)
-    towards = towards / (left.direction @ towards)
+    stop = THREE.stops[1]
+    towards = np.linalg.solve(THREE.mass, stop.direction)
+    towards = towards / (stop.direction @ towards)
     for i, phase in enumerate(plane["phase"]):
         for j, v in enumerate(plane["velocity"]):
-            q = np.array(begun.displacement) + (left.gap - left.direction @ begun.displacement) * towards
-            rate = np.array(begun.velocity) + (v - left.direction @ begun.velocity) * towards
+            q = np.array(begun.displacement) + (stop.gap - stop.direction @ begun.displacement) * towards
+            rate = np.array(begun.velocity) + (v - stop.direction @ begun.velocity) * towards
             start = vi.State(q, rate, phase * THREE.period)
             first = vi.impact_section(THREE, start=start, transient_impacts=0, sample_impacts=1)
             assert str(first["stop"][0].item()) == "left"
             assert float(first["velocity"][0]) == pytest.approx(v, rel=1e-12)
             (one,) = vi.attractors(THREE, [start])
-            assert one.name.replace(" ", "_") == names(portrait)[i, j]
+            assert one.name.replace(" ", "_") == names_of_starts(portrait)[i, j]
 
 
 def test_a_number_of_starts_are_impacts_that_attractors_are_looked_for_from():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from contents import special_points
 from systems import bouncing_ball, chain, changed, impact_damper, one_mass, two_sided
 from test_system_orbits import Plain
 from vibroimpact.continuation import follow_all
@@ -20,10 +21,6 @@ GRAVITY = 9.81
 def ball(amplitude=0.02, omega=20.0, restitution=0.5):
     table = vi.Stop(direction=-1, gap=0.0, restitution=restitution, name="table", motion={1: -amplitude})
     return vi.ImpactSystem(mass=0.3, stiffness=0.0, force=vi.Force(omega=omega, constant=-0.3 * GRAVITY), stops=[table])
-
-
-def points(branch, kind):
-    return [point for point in branch.special if point.kind == kind]
 
 
 def specials(branch):
@@ -61,7 +58,7 @@ def test_the_ball_folds_and_doubles_over_the_amplitude_where_the_closed_form_say
     )[0]
     branch = vi.continue_orbit(orbit, "amplitude", (0.95 * fold * of_gamma, 1.05 * doubling * of_gamma), step=0.1)
     for kind, gamma in {"fold": fold, "period_doubling": doubling}.items():
-        (point,) = points(branch, kind)
+        (point,) = special_points(branch, kind)
         assert point.value / of_gamma == pytest.approx(gamma, rel=1e-12)
         assert point.orbit.admissible
     for orbit in branch.orbits:
@@ -85,25 +82,25 @@ def test_one_mass_as_a_system_has_the_special_points_of_the_oscillator():
         osc = vi.ImpactOscillator(
             omega=rng.uniform(2.2, 2.7), restitution=rng.uniform(0.6, 0.9), damping=rng.uniform(0.0, 0.05)
         )
-        orbits = vi.find_orbit(osc)[0]
-        orbit = min(vi.find_orbit(one_mass(osc)), key=lambda other: orbit_distance(other, orbits))
+        known = vi.find_orbit(osc)[0]
+        orbit = min(vi.find_orbit(one_mass(osc)), key=lambda other: orbit_distance(other, known))
         axis = ("omega", "gap", "restitution")[number % 3]
         value = osc.values[axis]
         span = {"omega": (2.0, 3.0), "gap": (value - 0.4, value + 0.4), "restitution": (0.3, 1.0)}[axis]
-        own = axis if axis == "omega" else f"stop_1_{axis}"
-        branch = specials(vi.continue_orbit(orbit, own, span, step=0.1))
-        expected = specials(vi.continue_orbit(orbits, axis, span, step=0.1))
-        assert [kind for kind, _ in branch] == [kind for kind, _ in expected]
-        assert [at for _, at in branch] == pytest.approx([at for _, at in expected], rel=1e-10)
+        parameter = axis if axis == "omega" else f"stop_1_{axis}"
+        points = specials(vi.continue_orbit(orbit, parameter, span, step=0.1))
+        expected = specials(vi.continue_orbit(known, axis, span, step=0.1))
+        assert [kind for kind, _ in points] == [kind for kind, _ in expected]
+        assert [at for _, at in points] == pytest.approx([at for _, at in expected], rel=1e-10)
         met += len(expected)
     assert met > 2
 
 
 def test_rising_from_a_plastic_impact_is_no_graze():
     osc = vi.ImpactOscillator(omega=1.6, restitution=0.0, damping=0.1, gap=0.3)
-    orbits = vi.find_orbit(osc)[0]
+    orbit = vi.find_orbit(osc)[0]
     branch = vi.continue_orbit(vi.find_orbit(one_mass(osc))[0], "stop_1_gap", (0.0, 0.7), step=0.1)
-    assert specials(branch) == specials(vi.continue_orbit(orbits, "gap", (0.0, 0.7), step=0.1)) == []
+    assert specials(branch) == specials(vi.continue_orbit(orbit, "gap", (0.0, 0.7), step=0.1)) == []
     assert branch.orbits[0].admissible == vi.find_orbit(osc.replace(gap=0.0))[0].admissible
 
 
@@ -160,26 +157,27 @@ def test_special_points_do_not_depend_on_coordinates(how):
     ],
 )
 def test_a_motion_settles_before_a_neimark_sacker_point_and_not_beyond(system, orbit, parameter, span):
-    (point,) = points(vi.continue_orbit(orbit, parameter, span, step=0.1), "neimark_sacker")
+    (point,) = special_points(vi.continue_orbit(orbit, parameter, span, step=0.1), "neimark_sacker")
     assert [abs(value) for value in point.orbit.multipliers[:2]] == pytest.approx([1, 1], abs=1e-10)
     assert point.orbit.multipliers[0].imag > 0.1
     for beyond in (False, True):
         there = system.replace(**{parameter: point.value * (1.001 if beyond else 0.999)})
         how = {"symmetric": True, "stops": "above"} if orbit.symmetric else {}
-        own = min(vi.find_orbit(there, **how), key=lambda other: orbit_distance(other, point.orbit))
-        assert own.stable is not beyond
+        nearest = min(vi.find_orbit(there, **how), key=lambda other: orbit_distance(other, point.orbit))
+        assert nearest.stable is not beyond
         beside = vi.State(
-            *(0.999 * np.array(part) for part in (own.start.displacement, own.start.velocity)), own.start.time
+            *(0.999 * np.array(part) for part in (nearest.start.displacement, nearest.start.velocity)),
+            nearest.start.time,
         )
         hits = vi.impact_section(there, start=beside, transient_impacts=20000, sample_impacts=200).velocity.values
         assert (np.ptp(hits) > 0.01 * hits.max()) is np.bool_(beyond)
         if not beyond:
-            assert hits == pytest.approx(own.velocities[0], rel=1e-10)
+            assert hits == pytest.approx(nearest.velocities[0], rel=1e-10)
 
 
 def test_twins_are_born_at_a_pitchfork(two_sided_branch):
     """The half map doubles its period there; beyond, the motion from rest is one of the twins."""
-    first, last = points(two_sided_branch, "pitchfork")
+    first, last = special_points(two_sided_branch, "pitchfork")
     for point in (first, last):
         assert point.orbit.symmetric
         assert point.orbit.half_multipliers[0] == pytest.approx(-1, abs=1e-11)
@@ -198,12 +196,12 @@ def test_twins_are_born_at_a_pitchfork(two_sided_branch):
 
 
 def test_the_asymmetric_branch_leads_from_pitchfork_to_pitchfork(two_sided_branch):
-    first, last = points(two_sided_branch, "pitchfork")
+    first, last = special_points(two_sided_branch, "pitchfork")
     branch = vi.continue_orbit(vi.switch_branch(first), "omega", (1.0, 2.5), step=0.1)
     assert branch.outcome == ("pitchfork", "pitchfork")
-    ends = points(branch, "pitchfork")
+    ends = special_points(branch, "pitchfork")
     assert [end.value for end in ends] == pytest.approx([first.value, last.value], rel=1e-12)
-    for graze in points(branch, "grazing"):
+    for graze in special_points(branch, "grazing"):
         plain = Plain(graze.orbit.system)
         assert touched(plain, graze) < 1e-12
     for orbit in branch.orbits:
@@ -232,7 +230,7 @@ def touched(plain, point):
 
 
 def test_symmetric_orbits_settle_between_their_pitchforks_as_diagrams_show(two_sided_branch):
-    first, last = points(two_sided_branch, "pitchfork")
+    first, last = special_points(two_sided_branch, "pitchfork")
     for value in (first.value - 0.01, last.value + 0.05):
         diagram = vi.bifurcation_diagram(two_sided(), omega=[value], transient_impacts=4000, sample_impacts=40)
         hits = diagram.velocity.values.ravel()
@@ -256,10 +254,10 @@ def test_an_orbit_without_a_mirror_has_no_twin():
 
 
 def test_a_frequency_in_hertz_and_steps_of_any_length_give_the_same_points(two_sided_branch):
-    orbit, (first, _) = symmetric(two_sided()), points(two_sided_branch, "pitchfork")
+    orbit, (first, _) = symmetric(two_sided()), special_points(two_sided_branch, "pitchfork")
     ends = (1.05 / 2 / math.pi, 2.1 / 2 / math.pi)
-    (known,) = (point.value for point in points(vi.continue_orbit(orbit, "frequency", ends, step=0.4), "pitchfork")[:1])
-    assert 2 * math.pi * known == pytest.approx(first.value, rel=1e-12)
+    known = special_points(vi.continue_orbit(orbit, "frequency", ends, step=0.4), "pitchfork")[0]
+    assert 2 * math.pi * known.value == pytest.approx(first.value, rel=1e-12)
 
 
 @pytest.mark.long
@@ -277,6 +275,6 @@ def test_a_branch_that_loses_its_last_contact_ends_where_the_steady_motion_touch
     assert branch.outcome == ("grazing", "grazing")
     ends = branch.values[[0, -1]]
     assert ends == pytest.approx(np.sqrt(squares), abs=1e-11)
-    assert [point.value for point in branch.special if point.kind == "grazing"] == ends.tolist()
+    assert [point.value for point in special_points(branch, "grazing")] == ends.tolist()
     for low in ends:
         assert f"omega = {low:.12g}, where it grazes the stop" in branch.message

@@ -55,9 +55,11 @@ def beside_one_that_swings(share, damping):
 
 def on_a_spring(force, **numbers):
     """Return a mass on a compliant stop, with a load."""
-    given = {"stiffness": 0.0, "damping": 0.0, "constant": 0.0, "k": 10.0, "c": 0.0} | numbers
-    stop = vi.Stop(direction=1, gap=0.0, stiffness=given["k"], damping=given["c"])
-    return system(1, given["damping"], given["stiffness"], 1.3, [stop], {1: force}, constant=[given["constant"]])
+    arguments = {"stiffness": 0.0, "damping": 0.0, "constant": 0.0, "k": 10.0, "c": 0.0} | numbers
+    stop = vi.Stop(direction=1, gap=0.0, stiffness=arguments["k"], damping=arguments["c"])
+    return system(
+        1, arguments["damping"], arguments["stiffness"], 1.3, [stop], {1: force}, constant=[arguments["constant"]]
+    )
 
 
 def corner():
@@ -236,7 +238,7 @@ def of_any_kind(rng):
 @pytest.mark.long
 def test_motions_said_to_have_no_more_impacts_have_none_in_a_thousand_periods():
     """And those said to be in contact are: no impact, no release, and a stop that is touched or pushed in."""
-    seen = dict.fromkeys(vi.Status, 0)
+    counts = dict.fromkeys(vi.Status, 0)
     for seed in range(60 if "FUZZ" not in os.environ else 1000):
         rng = np.random.default_rng([38, seed])
         try:
@@ -246,7 +248,7 @@ def test_motions_said_to_have_no_more_impacts_have_none_in_a_thousand_periods():
             continue
         status = vi.Status(int(hits["status"]))
         cell = vi.parameter_map(model, omega=[model.omega], indices=["std"], transient_impacts=0, sample_impacts=60)
-        seen[status] += 1
+        counts[status] += 1
         assert (vi.Status(int(cell["status"][0])) == status) or status <= vi.Status.SHORT_WINDOW, seed
         if status not in (vi.Status.NO_IMPACT, vi.Status.STOPPED_IMPACTING, vi.Status.STUCK_FOREVER):
             continue
@@ -263,5 +265,5 @@ def test_motions_said_to_have_no_more_impacts_have_none_in_a_thousand_periods():
             start, _, _ = model.initial()
             end = follow(linear(model), start, 0.0 * start, impacts=1000, most_periods=periods - 980)
             assert bool(end.closed or end.pushing) == (status == vi.Status.STUCK_FOREVER), seed
-    assert seen[vi.Status.BUDGET] <= 0.05 * sum(seen.values())
-    assert min(seen[vi.Status.NO_IMPACT], seen[vi.Status.STOPPED_IMPACTING], seen[vi.Status.STUCK_FOREVER]) > 3
+    assert counts[vi.Status.BUDGET] <= 0.05 * sum(counts.values())
+    assert min(counts[vi.Status.NO_IMPACT], counts[vi.Status.STOPPED_IMPACTING], counts[vi.Status.STUCK_FOREVER]) > 3

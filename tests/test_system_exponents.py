@@ -29,8 +29,8 @@ NAMED = ("n_periods", "n_impacts", "lyapunov_per_impact")
 
 
 def index(model, *names, **how):
-    given = {"omega": [model.omega], "indices": names, "sample_impacts": 3000} | how
-    sweep = vi.parameter_map(model, **given)
+    arguments = {"omega": [model.omega], "indices": names, "sample_impacts": 3000} | how
+    sweep = vi.parameter_map(model, **arguments)
     return [float(sweep[name].item()) for name in names]
 
 
@@ -196,8 +196,8 @@ def mixed(rng):
 
 
 def test_neighbours_of_a_motion_between_rigid_stops_and_such_that_give_move_as_other_motions_do():
-    rng, seen = np.random.default_rng(3), 0
-    while seen < 40:
+    rng, compared = np.random.default_rng(3), 0
+    while compared < 40:
         system, phase, periods = mixed(rng), rng.uniform(0.0, 1.0), rng.uniform(0.5, 2.0)
         carrier = Carrier(system.cells({}), vi.Tolerances())
         x, _ = carrier.over(np.zeros(2 * len(system.mass)), 0.0, 6.0 + phase)
@@ -212,12 +212,12 @@ def test_neighbours_of_a_motion_between_rigid_stops_and_such_that_give_move_as_o
         ]  # fmt: skip
         if np.abs(numbers[0] - numbers[1]).max() > 1e-5:
             continue  # nearly a graze
-        seen += 1
+        compared += 1
         assert numbers[1] == pytest.approx(derivative, abs=1e-4 * max(1.0, np.abs(derivative).max()))
 
 
 def test_a_mass_that_is_held_for_ever_leaves_the_exponent_of_the_other():
-    held = vi.ImpactSystem(
+    model = vi.ImpactSystem(
         mass=[[1.0, 0.2], [0.2, 1.0]],
         damping=[[0.2, -0.05], [-0.05, 0.1]],
         stiffness=[[3.0, -1.0], [-1.0, 2.0]],
@@ -227,7 +227,7 @@ def test_a_mass_that_is_held_for_ever_leaves_the_exponent_of_the_other():
     free = vi.ImpactOscillator(mass=1.0, damping=0.1, stiffness=2.0, omega=1.9, gap=0.1, restitution=0.7)
     (orbit,) = (orbit for orbit in vi.find_orbit(free) if orbit.stable and orbit.admissible)
     for early in (False, True):
-        (found,) = index(held, "lyapunov", transient_impacts=2000, early_closing=early)
+        (found,) = index(model, "lyapunov", transient_impacts=2000, early_closing=early)
         assert found == pytest.approx(orbit.lyapunov, rel=1e-3)
 
 
@@ -250,10 +250,10 @@ def test_a_rest_whose_time_rounding_decides_ends_no_cycle(hardest, early):
 def test_two_free_masses_have_the_exponent_of_the_one_mass_that_moves_as_one_does_from_the_other():
     pair = free_pair(0.5)
     one, _ = beside_its_centre(pair)
-    (found, periods), (own, _) = (index(model, "lyapunov", "n_periods") for model in (pair, one))
+    (found, periods), (alone, _) = (index(model, "lyapunov", "n_periods") for model in (pair, one))
     assert periods == 0
-    assert found == pytest.approx(own, abs=0.02)  # of 3000 impacts of chaos
-    assert own == pytest.approx(0.196, abs=0.02)
+    assert found == pytest.approx(alone, abs=0.02)  # of 3000 impacts of chaos
+    assert alone == pytest.approx(0.196, abs=0.02)
     section = vi.impact_section(pair, transient_impacts=0, sample_impacts=100)
     assert section.sizes["stick"]  # in the transient, which took all of the deviation but the drift
 
@@ -267,8 +267,8 @@ def test_drag_and_loads_on_the_centre_alone_change_no_exponent():
     assert named[0][:2] == named[1][:2] == [1, 2]
     assert named[0][2] == pytest.approx(named[1][2], rel=1e-9)
     braked = free_pair(mass=mass, damping=1e-3 * mass, force=pushed)
-    own = index(beside_its_centre(braked)[0], *NAMED, transient_impacts=500)
-    assert index(braked, *NAMED, transient_impacts=500) == pytest.approx(own, abs=1e-3)  # a complex pair: 1/N
+    alone = index(beside_its_centre(braked)[0], *NAMED, transient_impacts=500)
+    assert index(braked, *NAMED, transient_impacts=500) == pytest.approx(alone, abs=1e-3)  # a complex pair: 1/N
 
 
 @pytest.mark.long
@@ -277,13 +277,13 @@ def test_free_masses_have_the_names_and_exponents_of_their_relative_motion():
     for seed in range(24):
         model = free_masses(seed)
         own, centres = beside_its_centre(model)
-        seen = [index(one, "n_periods", "n_impacts", "max_velocity", "lyapunov", sample_impacts=500,
+        indices = [index(one, "n_periods", "n_impacts", "max_velocity", "lyapunov", sample_impacts=500,
                       transient_impacts=1500) for one in (model, own)]  # fmt: skip
         assert centres > 0
-        if any(0 < one[0] <= 8 for one in seen):
-            assert seen[0][:2] == seen[1][:2], seed
-            assert seen[0][2] == pytest.approx(seen[1][2], rel=1e-6)
-            assert seen[0][3] == pytest.approx(seen[1][3], abs=0.02), seed  # a complex pair: 1/N
+        if any(0 < one[0] <= 8 for one in indices):
+            assert indices[0][:2] == indices[1][:2], seed
+            assert indices[0][2] == pytest.approx(indices[1][2], rel=1e-6)
+            assert indices[0][3] == pytest.approx(indices[1][3], abs=0.02), seed  # a complex pair: 1/N
             named += 1
     assert named > 8
 

@@ -252,7 +252,7 @@ def test_orbits_with_a_free_centre_are_followed_through_the_same_bifurcations():
     for model in (free_pair(), beside_its_centre(free_pair())[0]):
         orbit = vi.find_orbit(model, n_impacts=2)[0]
         branches.append(vi.continue_orbit(orbit, "omega", (0.9, 1.0)))
-    seen, own = ([(point.kind, point.value) for point in branch.special] for branch in branches)
-    assert [kind for kind, _ in seen] == [kind for kind, _ in own]
-    assert [value for _, value in seen] == pytest.approx([value for _, value in own], rel=1e-9)
-    assert seen[0][0] == "pitchfork"
+    points, own = ([(point.kind, point.value) for point in branch.special] for branch in branches)
+    assert [kind for kind, _ in points] == [kind for kind, _ in own]
+    assert [value for _, value in points] == pytest.approx([value for _, value in own], rel=1e-9)
+    assert points[0][0] == "pitchfork"

@@ -174,8 +174,8 @@ def test_stops_without_room_between_them_hand_a_mass_to_each_other():
 
 
 def test_energy_never_grows_at_ten_thousand_impacts():
-    rng, seen = np.random.default_rng(10), 0
-    while seen < 10_000:
+    rng, count = np.random.default_rng(10), 0
+    while count < 10_000:
         model = a_random_system(rng, int(rng.integers(1, 5)), int(rng.integers(1, 4)))
         if (model.clearances(np.zeros(len(model.mass))) < 0.0).any():
             continue
@@ -183,7 +183,7 @@ def test_energy_never_grows_at_ten_thousand_impacts():
         lost, most = hits["energy_lost"].values, hits["velocity"].values * hits["impulse"].values
         assert (lost >= -1e-12 * most).all()
         assert (lost <= 0.5 * (1.0 + 1e-12) * most).all()
-        seen += len(lost)
+        count += len(lost)
 
 
 def test_no_flight_passes_a_stop():

@@ -153,7 +153,7 @@ def test_the_ball_of_the_table_folds_and_doubles_where_it_should():
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_one_coordinate_and_one_stop_have_the_orbits_of_the_oscillator(n):
-    rng, seen = np.random.default_rng(n), 0
+    rng, count = np.random.default_rng(n), 0
     for _ in range(60):
         osc = random_oscillator(rng)
         orbits, found = vi.find_orbit(osc, n_periods=n), vi.find_orbit(one_mass(osc), n_periods=n)
@@ -164,8 +164,8 @@ def test_one_coordinate_and_one_stop_have_the_orbits_of_the_oscillator(n):
             assert np.array(orbit.multipliers) == pytest.approx(np.array(expected.multipliers), rel=1e-8, abs=1e-12)
             assert orbit.stable == expected.stable
             assert orbit.admissible == expected.admissible, (expected.message, orbit.message)
-        seen += len(found)
-    assert seen > 40
+        count += len(found)
+    assert count > 40
 
 
 @pytest.mark.parametrize(("omega", "n", "p"), [(0.95, 1, 2), (2.8, 2, 2), (3.0, 2, 2), (1.2, 2, 3), (0.6, 1, 3)])
@@ -246,7 +246,7 @@ def by_brute_force(system, stop, n_periods, mirrored=False, points=4000):
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 12])
 def test_all_orbits_of_one_impact_are_found(n):
     """Gyroscopic damping, constant load, two harmonics of the force, moving stops, against a scan of the phase."""
-    rng, seen = np.random.default_rng(10 + n), 0
+    rng, count = np.random.default_rng(10 + n), 0
     for _ in range(10):
         system, length = a_random_system(rng, n), int(rng.integers(1, 4))
         for stop in system.stops:
@@ -257,8 +257,8 @@ def test_all_orbits_of_one_impact_are_found(n):
                 assert orbit.phases[0] == pytest.approx(phase, abs=1e-10)
                 assert orbit.velocities[0] == pytest.approx(velocity, rel=1e-9)
                 assert Plain(system).replayed(orbit) < 1e-11
-            seen += len(orbits)
-    assert seen >= 10
+            count += len(orbits)
+    assert count >= 10
 
 
 def a_symmetric_system(rng, n):
@@ -277,7 +277,7 @@ def a_symmetric_system(rng, n):
 
 @pytest.mark.parametrize("n", [1, 2, 4])
 def test_all_symmetric_orbits_are_found(n):
-    rng, seen = np.random.default_rng(20 + n), 0
+    rng, count = np.random.default_rng(20 + n), 0
     for _ in range(6):
         system, length = a_symmetric_system(rng, n), int(rng.choice([1, 3]))
         known = by_brute_force(system, system.stops[0], length, mirrored=True)
@@ -290,8 +290,8 @@ def test_all_symmetric_orbits_are_found(n):
             assert orbit.velocities == pytest.approx((velocity, 2.0 * velocity), rel=1e-9)  # a direction twice as long
             assert orbit.impulses[0] == pytest.approx(2.0 * orbit.impulses[1], rel=1e-12)
             assert Plain(system).replayed(orbit) < 1e-11
-        seen += len(orbits)
-    assert seen >= 6
+        count += len(orbits)
+    assert count >= 6
 
 
 def test_a_slot_that_moves_is_a_force_in_its_own_frame():
@@ -339,7 +339,7 @@ def sections_of_systems():
 
 
 def test_the_determinant_is_that_of_restitution_and_damping():
-    seen = 0
+    count = 0
     for system, found in sections_of_systems():
         trace = np.trace(np.linalg.solve(system.mass, system.damping))
         for orbit in found:
@@ -349,8 +349,8 @@ def test_the_determinant_is_that_of_restitution_and_damping():
             assert np.prod(orbit.multipliers).real == pytest.approx(expected, rel=1e-10, abs=1e-13)
             assert np.prod(orbit.multipliers).imag == pytest.approx(0.0, abs=1e-13)
             assert len(orbit.multipliers) == 2 * len(system.mass)
-            seen += 1
-    assert seen >= 15
+            count += 1
+    assert count >= 15
 
 
 def differences(system, orbit, step=1e-6):
@@ -378,7 +378,7 @@ def differences(system, orbit, step=1e-6):
 
 
 def test_multipliers_are_those_of_differences_between_neighbouring_motions():
-    seen = 0
+    count = 0
     for system, found in sections_of_systems():
         if len(system.mass) > 3:
             continue
@@ -386,8 +386,8 @@ def test_multipliers_are_those_of_differences_between_neighbouring_motions():
             jacobian = differences(orbit.system, orbit)
             size = np.abs(np.poly(jacobian)).max()
             assert np.poly(np.array(orbit.multipliers)) == pytest.approx(np.poly(jacobian), abs=1e-6 * size)
-            seen += 1
-    assert seen >= 15
+            count += 1
+    assert count >= 15
 
 
 def test_a_symmetric_orbit_has_squares_of_the_multipliers_of_its_half():
@@ -569,7 +569,7 @@ def test_a_shorter_orbit_is_recognised():
 
 
 def test_orbits_are_admissible_where_the_witness_moves_along_them():
-    rng, seen = np.random.default_rng(9), []
+    rng, agreed = np.random.default_rng(9), []
     for _ in range(20):
         system = a_random_system(rng, int(rng.integers(1, 4)))
         wide = [stop.replace(gap=stop.gap + 2.0 * rng.uniform()) for stop in system.stops]
@@ -582,8 +582,8 @@ def test_orbits_are_admissible_where_the_witness_moves_along_them():
                 continue
             same = [hit.velocity for hit in impacts] == pytest.approx([*orbit.velocities] * 2, rel=1e-7)
             assert orbit.admissible == same, orbit.message
-            seen.append(same)
-    assert 4 < sum(seen) < len(seen) - 4
+            agreed.append(same)
+    assert 4 < sum(agreed) < len(agreed) - 4
 
 
 def test_a_fast_mode_that_dips_between_slow_samples_is_seen():
@@ -719,13 +719,13 @@ def test_a_mode_that_nothing_couples_adds_its_own_multipliers():
     rate = -0.075 + 1j * math.sqrt(25.0 - 0.075**2)
     for orbit, other in zip(vi.find_orbit(system), vi.find_orbit(joined), strict=True):
         assert other.velocities == pytest.approx(orbit.velocities, rel=1e-13)
-        own = np.exp(np.array([rate, rate.conjugate()]) * orbit.period)
-        expected = np.poly([*orbit.multipliers, *own])
+        multipliers = np.exp(np.array([rate, rate.conjugate()]) * orbit.period)
+        expected = np.poly([*orbit.multipliers, *multipliers])
         assert np.poly(np.array(other.multipliers)) == pytest.approx(expected, abs=1e-11)
 
 
 def test_what_cannot_be_asked_for_is_refused():
-    for given, words in (
+    for arguments, words in (
         ({"stops": "middle"}, "unknown `stops` 'middle'; choose from above, below"),
         ({"stops": ["above", "below"]}, "orbits of several impacts need a guess"),
         ({"stops": ["above", "below"], "near": [0.1]}, "one time for each of the 2 stops"),
@@ -735,6 +735,6 @@ def test_what_cannot_be_asked_for_is_refused():
         ({"stops": []}, "stops to strike"),
     ):
         with pytest.raises(ValueError, match=words.replace("(", "\\(")):
-            vi.find_orbit(two_sided(), **given)
+            vi.find_orbit(two_sided(), **arguments)
     with pytest.raises(ValueError, match="stops to strike"):
         vi.find_orbit(two_sided(stops=[]))

@@ -43,9 +43,9 @@ def test_hits_energy_and_period_are_those_of_impacts_from_rest(verdicts, seed):
     hits = vi.impact_section(system, transient_impacts=3000, sample_impacts=p)
     names, speeds, phases = hits["stop"].values, hits["velocity"].values, hits["phase"].values
     assert numbers(line(verdict, "motion"), "repeats every ", " s") == [float(f"{n * system.period:.4g}")]
-    told = line(verdict, "hits")
+    text = line(verdict, "hits")
     for stop in system.stop_names:
-        own = told.partition(f"{stop}: ")[2]
+        own = text.partition(f"{stop}: ")[2]
         struck = names == stop
         if not struck.any():
             assert own.startswith("none")
@@ -55,7 +55,7 @@ def test_hits_energy_and_period_are_those_of_impacts_from_rest(verdicts, seed):
             if struck.sum() <= 4:
                 assert f"{v:.4g} m/s at phase {phase:.3g}" in own
         assert f"{speeds[struck].max():.4g} m/s" in own
-    (impulse,) = numbers(told, "largest impulse ", " N s")
+    (impulse,) = numbers(text, "largest impulse ", " N s")
     assert impulse == pytest.approx(float(hits["impulse"].max()), rel=1e-3)
     restitution = {stop.name: stop.restitution for stop in system.stops}
     lost = sum(0.5 * (1 - restitution[stop]) * v * kick
@@ -80,11 +80,11 @@ def test_multipliers_are_those_of_differences_of_the_witness(verdicts, seed):
     np.testing.assert_allclose(ended(state), state, rtol=0, atol=1e-7)
     columns = [(ended(state + unit) - ended(state - unit)) / 4e-6 for unit in 2e-6 * np.eye(4)]
     radius = float(np.abs(np.linalg.eigvals(np.array(columns).T)).max())
-    told = line(verdict, "stability")
-    assert numbers(told, "largest multiplier ")[0] == pytest.approx(radius, rel=2e-3)
+    text = line(verdict, "stability")
+    assert numbers(text, "largest multiplier ")[0] == pytest.approx(radius, rel=2e-3)
     half = -math.log(2.0) * span * system.period / math.log(radius)
-    assert numbers(told, "halve every ", " s")[0] == pytest.approx(half, rel=2e-2)
-    assert numbers(told, "exponent ", " 1/s")[0] == pytest.approx(-math.log(2.0) / half, rel=5e-3)
+    assert numbers(text, "halve every ", " s")[0] == pytest.approx(half, rel=2e-2)
+    assert numbers(text, "exponent ", " 1/s")[0] == pytest.approx(-math.log(2.0) / half, rel=5e-3)
 
 
 @pytest.mark.parametrize("seed", [4, 19])
@@ -96,9 +96,9 @@ def test_shares_are_those_of_a_map_from_the_same_initial_conditions(seed):
     hardest = np.nan_to_num(sweep["max_velocity"].values[0, 1:])
     shares = [float((np.abs(hardest - motion.max_velocity) < 1e-4).mean()) for motion in verdict.attractors]
     assert shares == [motion.share for motion in verdict.attractors]
-    told = line(verdict, "coexisting")
+    text = line(verdict, "coexisting")
     for motion in verdict.attractors:
-        assert f"{100 * motion.share:.3g} %: {motion.name}" in told
+        assert f"{100 * motion.share:.3g} %: {motion.name}" in text
 
 
 @pytest.mark.long
@@ -149,11 +149,11 @@ def test_a_motion_that_rests_says_so_and_needs_no_orbit():
 def test_chaos_says_what_is_only_about_so():
     verdict = vi.describe(two_sided(1.5, 0.8, 0.2), parameters=[], progress=lambda *progress: False)  # that from rest
     hits = vi.impact_section(two_sided(1.5, 0.8, 0.2), transient_impacts=3000, sample_impacts=60_000)
-    told = line(verdict, "hits")
-    assert numbers(told, "about ", " times")[0] == pytest.approx(
+    text = line(verdict, "hits")
+    assert numbers(text, "about ", " times")[0] == pytest.approx(
         60_000 / (float(hits["time"][-1] - hits["time"][0]) * 1.5 / (2 * math.pi)), rel=0.06
     )
-    assert numbers(told, "mean about ", " m/s")[0] == pytest.approx(float(hits["velocity"].mean()), rel=0.06)
+    assert numbers(text, "mean about ", " m/s")[0] == pytest.approx(float(hits["velocity"].mean()), rel=0.06)
     lost = 0.5 * (1 - 0.8**2) * float((hits["velocity"] ** 2).sum()) / float(hits["time"][-1] - hits["time"][0])
     assert numbers(line(verdict, "energy"), "period, ", " W")[0] == pytest.approx(lost, rel=0.1)
     assert verdict.watched > 32_000

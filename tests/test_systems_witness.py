@@ -34,9 +34,9 @@ def test_energy_never_grows_at_an_impact():
         rates = -np.abs(rates)
         kappa, restitution = np.linalg.solve(mass, directions.T), rng.uniform(0, 1, s)
         after, impulses = impact_law(directions @ kappa, restitution, rates)
-        left = velocity - kappa @ impulses
+        speeds = velocity - kappa @ impulses
         scale = velocity @ mass @ velocity
-        assert left @ mass @ left <= scale * (1 + 1e-11)
+        assert speeds @ mass @ speeds <= scale * (1 + 1e-11)
         size = math.sqrt(scale) * np.sqrt(np.diag(directions @ kappa))
         assert (impulses * np.diag(directions @ kappa) >= -1e-9 * size).all()
         assert (after + restitution * rates >= -1e-9 * size).all()
@@ -92,14 +92,14 @@ def test_a_stop_that_let_go_pushes_again_in_the_same_contact():
     assert hit.impulse == pytest.approx(v + (end - touch) - trajectory.end.velocity[0], rel=1e-13)
 
 
-def work_and_losses(model, seen, begin, end):
+def work_and_losses(model, trajectory, begin, end):
     """Return the work of the force between two times and what the dampers of the system took, by quadrature."""
     nodes, weights = np.polynomial.legendre.leggauss(24)
-    edges = np.array([begin, *(t for t, _, _ in seen.pieces if begin < t < end), end])
+    edges = np.array([begin, *(t for t, _, _ in trajectory.pieces if begin < t < end), end])
     work = lost = 0.0
     for low, high in pairwise(edges):
         times = low + (high - low) * (1.0 + nodes) / 2.0
-        v = seen.at(times)[1]
+        v = trajectory.at(times)[1]
         turn = np.exp(1j * model.omega * times)
         load = model.constant + sum((np.outer(turn**h, p)).imag for h, p in model.harmonics.items())
         part = (high - low) * weights / 2.0
@@ -122,11 +122,11 @@ def test_the_work_of_the_force_is_the_change_of_energy_and_what_dampers_and_stop
             (v1 @ model.mass @ v1 - v0 @ model.mass @ v0) + (q1 @ model.stiffness @ q1 - q0 @ model.stiffness @ q0)
         ) / 2
         work, lost = work_and_losses(model, trajectory, begin, end)
-        taken = [hit.energy_lost for hit in trajectory.impacts if begin < hit.time <= end]
+        losses = [hit.energy_lost for hit in trajectory.impacts if begin < hit.time <= end]
         scale = abs(work) + abs(gained) + lost
-        assert work == pytest.approx(gained + lost + sum(taken), abs=1e-12 * scale)
-        assert min(taken) > -1e-13 * scale
-        compared += len(taken)
+        assert work == pytest.approx(gained + lost + sum(losses), abs=1e-12 * scale)
+        assert min(losses) > -1e-13 * scale
+        compared += len(losses)
     assert compared > 30
 
 

@@ -161,7 +161,7 @@ def test_at_gap_zero_the_force_only_changes_the_size(fast):
 
 
 def test_a_bisected_boundary_parts_motions_of_different_names(chaotic):
-    runner, seen = Runner(), 0
+    runner, count = Runner(), 0
     for boundary in chaotic.boundaries:
         if boundary.kind == "change" and boundary.parameter in ("omega", "restitution"):
             assert 0.0 < boundary.half_width < 1e-5
@@ -170,8 +170,8 @@ def test_a_bisected_boundary_parts_motions_of_different_names(chaotic):
             starts = [Start(0.0, 0.3, phase) for phase in (0.1, 0.35, 0.6, 0.85)]
             motions = runner.measure(cells_of([there] * 4, starts), ImpactWindow(10_000, 5000))
             assert boundary.beyond in {motion.name for motion in motions}
-            seen += 1
-    assert seen == 4
+            count += 1
+    assert count == 4
 
 
 def test_without_impacts_the_motion_first_touches_the_stop_where_its_amplitude_is_the_gap():
@@ -331,12 +331,12 @@ def test_units_a_million_times_off_change_no_words():
 
 
 def test_progress_counts_parts_and_can_stop():
-    told = []
+    news = []
     whole = vi.describe(
-        vi.ImpactOscillator(), parameters=["omega"], progress=lambda done, total, _: told.append((done, total))
+        vi.ImpactOscillator(), parameters=["omega"], progress=lambda done, total, _: news.append((done, total))
     )
     assert whole.complete
-    assert told == [(i, 4) for i in (1, 2, 3, 4)]
+    assert news == [(i, 4) for i in (1, 2, 3, 4)]
     partial = vi.describe(vi.ImpactOscillator(), parameters=["omega"], progress=lambda done, total, _: False)
     assert not partial.complete
     assert partial.motion.name == "period-1 impact-1"
@@ -389,9 +389,9 @@ def test_the_table_is_aligned_and_stars_what_differs(comparison):
 
 
 def test_the_spreads_of_cycles_are_zero_and_not_rounding(comparison):
-    told = {line.split(" [")[0].split("  ")[0]: line.split() for line in str(comparison).splitlines()}
+    rows = {line.split(" [")[0].split("  ")[0]: line.split() for line in str(comparison).splitlines()}
     for spread in ("standard deviation of impact velocities", "spread of the impact phases"):
-        assert told[spread][-2] == "0"
+        assert rows[spread][-2] == "0"
 
 
 def test_a_comparison_holds_both_verdicts(comparison):

@@ -56,8 +56,8 @@ def shown(sweep, at, window):
     """Whether the sweep is on the window's orbit at a value of its grid."""
     end = int(sweep["count"][at])
     last = slice(max(0, end - window.n_impacts), end)
-    seen = Impacts(sweep["phase"].values[at, last], sweep["velocity"].values[at, last])
-    return any(same_orbit(orbit, seen, tolerance=1e-6) for orbit in window.orbits_at(float(sweep["omega"][at])))
+    hits = Impacts(sweep["phase"].values[at, last], sweep["velocity"].values[at, last])
+    return any(same_orbit(orbit, hits, tolerance=1e-6) for orbit in window.orbits_at(float(sweep["omega"][at])))
 
 
 def on_another(sweep, at, window):
@@ -99,15 +99,15 @@ def test_every_stable_window_of_continuation_is_seen_or_the_sweep_is_on_another_
 @pytest.mark.parametrize("way", ["up", "down"])
 def test_every_window_of_a_sweep_is_one_of_continuation_unless_its_name_is_longer(branches, sweeps, way):
     found = 0
-    for seen in swept_windows(sweeps[way]):
-        n, p = seen.n_periods, seen.n_impacts
-        values = np.flatnonzero((seen.low <= GRID) & (seen.high >= GRID))
+    for window in swept_windows(sweeps[way]):
+        n, p = window.n_periods, window.n_impacts
+        values = np.flatnonzero((window.low <= GRID) & (window.high >= GRID))
         if len(values) <= 3 or n > LONGEST or not 0 < p <= MOST:
             continue
         found += 1
         alike = [w for w in stable_windows(branches) if (w.n_periods, w.n_impacts) == (n, p)]
         for at in values:
-            assert any(w.low <= GRID[at] <= w.high and shown(sweeps[way], at, w) for w in alike), (seen, GRID[at])
+            assert any(w.low <= GRID[at] <= w.high and shown(sweeps[way], at, w) for w in alike), (window, GRID[at])
     assert found >= 5
 
 

@@ -50,8 +50,8 @@ def motions(draw):
     return osc, start
 
 
-def turns(seen):
-    return seen.impact_periods + seen.impact_phase
+def turns(hits):
+    return hits.impact_periods + hits.impact_phase
 
 
 def fastest_rate(osc):
@@ -60,7 +60,7 @@ def fastest_rate(osc):
     return max(osc.omega, osc.natural_frequency, half + math.sqrt(over) if over else 0.0)
 
 
-def error_growth(osc, start, seen):
+def error_growth(osc, start, hits):
     """Return by how much an error of one rounding may have grown at each impact.
 
     The impact map's Jacobian from (t0, v0) to (t1, v1) is [[-1/v1, 0], [-a1/v1, 1]] Phi(tau) [[r v0, 0], [-a0, -r]];
@@ -69,7 +69,7 @@ def error_growth(osc, start, seen):
     rate, scale = fastest_rate(osc), osc.velocity_scale
     flow = np.array([[0.0, 1.0], [-osc.stiffness / osc.mass, -osc.damping / osc.mass]])
     units = np.diag([rate, 1 / scale])
-    times, speeds = turns(seen) * osc.period, seen.impact_velocity
+    times, speeds = turns(hits) * osc.period, hits.impact_velocity
 
     def acceleration(time, velocity):
         force = osc.amplitude * math.sin(osc.omega * time) - osc.stiffness * osc.gap - osc.damping * velocity
