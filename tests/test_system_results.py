@@ -6,7 +6,7 @@ import xarray as xr
 
 import systems as make
 import vibroimpact as vi
-from systems import one_mass, random_pair, two_masses, two_sided
+from systems import one_mass, random_pair, two_masses
 from vibroimpact import models
 from vibroimpact.dataset import model_of
 from vibroimpact.kernels.systems.series import SIZE
@@ -232,28 +232,6 @@ def test_a_picture_of_one_mass_may_show_the_clearance_of_its_one_stop(shown):
 
 
 # Files and stores
-
-RESULTS = {
-    "simulate": lambda: vi.simulate(two_masses(), periods=2, samples_per_period=20),
-    "rests": lambda: vi.simulate(vi.models.bouncing_ball(), periods=3, samples_per_period=20),
-    "impacts": lambda: vi.impact_section(two_masses(), **SHORT),
-    "no impacts": lambda: vi.impact_section(vi.models.two_sided_oscillator(force=0.001)),
-    "stroboscopic": lambda: vi.stroboscopic_section(two_masses(), sample_periods=9),
-    "diagram": lambda: vi.bifurcation_diagram(two_masses(), bar_gap=GAPS, **SHORT),
-    "map": lambda: vi.parameter_map(vi.family(vi.models.impact_damper), clearance=[4e-3, 5e-3], **SHORT),
-    "branch": lambda: vi.continue_orbit(vi.find_orbit(two_sided(), n_impacts=2)[0], "omega", (1.9, 2.1)).dataset,
-}
-
-
-@pytest.mark.parametrize("ending", [".nc", ".zarr"])
-@pytest.mark.parametrize("name", RESULTS)
-def test_a_result_is_loaded_as_it_was_saved_without_a_warning(recwarn, tmp_path, name, ending):
-    result = RESULTS[name]()
-    loaded = vi.load(vi.save(result, tmp_path / f"result{ending}"))
-    assert loaded.identical(result)
-    assert [loaded[key].dtype.kind for key in result.variables] == [result[key].dtype.kind for key in result.variables]
-    assert sentences_of(loaded) == sentences_of(result)
-    assert not [str(entry.message) for entry in recwarn if "data type" in str(entry.message)]
 
 
 def test_a_table_of_impacts_names_the_stop_of_each(tmp_path):
