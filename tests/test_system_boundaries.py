@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from contents import special_points
 from systems import chain, one_mass, two_sided
-from test_system_continuation import GRAVITY, ball, of_the_ball, points, symmetric
+from test_system_continuation import GRAVITY, ball, of_the_ball, symmetric
 from vibroimpact.continuation import Boundaries, coverage, curves
 from vibroimpact.continuation.curves import curves_through
 from vibroimpact.continuation.results import kinds_of
@@ -25,7 +26,7 @@ def symmetric_family(omega=2.0, gap=0.5, restitution=0.6):
 def pitchfork():
     model = symmetric_family.replace(omega=2.0)
     orbit = next(found for found in vi.find_orbit(model, n_impacts=2) if found.symmetric and found.stable)
-    return points(vi.continue_orbit(orbit, "omega", (1.0, 2.1), step=0.1), "pitchfork")[0]
+    return special_points(vi.continue_orbit(orbit, "omega", (1.0, 2.1), step=0.1), "pitchfork")[0]
 
 
 @pytest.mark.long
@@ -43,7 +44,7 @@ def test_boundaries_of_the_ball_are_the_closed_forms():
 
 def test_one_mass_as_a_system_has_the_boundaries_of_the_oscillator():
     osc = vi.ImpactOscillator(omega=2.6)
-    (point,) = points(
+    (point,) = special_points(
         vi.continue_orbit(vi.find_orbit(one_mass(osc))[0], "omega", (2.5, 2.7), step=0.1), "period_doubling"
     )
     curve = vi.continue_boundary(point, ("omega", "stop_1_restitution"), ((2.4, 2.9), (0.6, 0.95)), step=0.1)
@@ -58,7 +59,7 @@ def test_one_mass_as_a_system_has_the_boundaries_of_the_oscillator():
 def test_a_boundary_of_three_masses_keeps_its_condition(kind):
     branch = vi.continue_orbit(vi.find_orbit(chain())[0], "bar_gap", (0.1, 0.87), step=0.1)
     curve = vi.continue_boundary(
-        points(branch, kind)[0], ("bar_gap", "bar_restitution"), ((0.1, 0.9), (0.5, 0.9)), step=0.1
+        special_points(branch, kind)[0], ("bar_gap", "bar_restitution"), ((0.1, 0.9), (0.5, 0.9)), step=0.1
     )
     assert curve.outcome == ("range", "range")
     assert max(curve.residuals) < 1e-10
@@ -82,7 +83,7 @@ def test_pitchforks_are_followed_where_the_plane_keeps_the_symmetry(pitchfork):
 )
 def test_a_plane_that_breaks_the_symmetry_has_no_pitchforks(plane):
     orbit = symmetric(two_sided())
-    (point, *_) = points(vi.continue_orbit(orbit, "omega", (1.0, 2.1), step=0.1), "pitchfork")
+    (point, *_) = special_points(vi.continue_orbit(orbit, "omega", (1.0, 2.1), step=0.1), "pitchfork")
     with pytest.raises(ValueError, match="condition of a pitchfork"):
         vi.continue_boundary(point, *plane)
 
@@ -104,7 +105,7 @@ def test_the_graze_at_which_a_symmetric_orbit_of_two_impacts_ends_is_one_of_the_
     """Both impacts have velocity 0 there: what touches is the steady motion, of no impact, as on R = g."""
     model = symmetric_family.replace(omega=2.0)
     orbit = next(found for found in vi.find_orbit(model, n_impacts=2) if found.symmetric and not found.stable)
-    (graze,) = points(vi.continue_orbit(orbit, "omega", (1.5, 2.1), step=0.05, virtual=False), "grazing")
+    (graze,) = special_points(vi.continue_orbit(orbit, "omega", (1.5, 2.1), step=0.05, virtual=False), "grazing")
     system = graze.orbit.system
     stiffness, damping, mass = (float(np.ravel(part)[0]) for part in (system.stiffness, system.damping, system.mass))
     swing = 1.0 / abs(stiffness - mass * graze.value**2 + 1j * graze.value * damping)
