@@ -28,21 +28,21 @@ class Engine:
     def impacts(self, model, q, v, time=0.0, number=20, cut=1e-9):
         """Return the first impacts as arrays, stops by their numbers; those slower than `cut` of V are not recorded."""
         start, how = vi.State([*q], [*v], time), {"tolerances": vi.Tolerances(chatter=cut)}
-        seen = vi.impact_section(model, start=start, transient_impacts=0, sample_impacts=number, **how)
-        found = {name: seen[name].values for name in (*OF_IMPACTS, "simultaneous") if name in seen}
-        return found | {"stop": self._numbers(model, seen["stop"])}
+        hits = vi.impact_section(model, start=start, transient_impacts=0, sample_impacts=number, **how)
+        found = {name: hits[name].values for name in (*OF_IMPACTS, "simultaneous") if name in hits}
+        return found | {"stop": self._numbers(model, hits["stop"])}
 
     def motion(self, model, q, v, time=0.0, periods=1.0, cut=1e-9):
         """Return the motion over some driving periods, a multiple of 1/64 of them."""
         how = {"samples_per_period": 64, "tolerances": vi.Tolerances(chatter=cut)}
-        seen = vi.simulate(model, start=vi.State([*q], [*v], time), periods=periods, **how)
+        motion = vi.simulate(model, start=vi.State([*q], [*v], time), periods=periods, **how)
         kinds, found = (("impact", "impact"), ("stick", "stick"), ("release", "stick")), []
         for kind, dim in kinds:
-            stops = self._numbers(model, seen[f"{dim}_stop"]).tolist()
-            found += zip(seen[f"{kind}_time"].values.tolist(), [kind] * len(stops), stops, strict=True)
+            stops = self._numbers(model, motion[f"{dim}_stop"]).tolist()
+            found += zip(motion[f"{kind}_time"].values.tolist(), [kind] * len(stops), stops, strict=True)
         names = {name: f"impact_{name}" if name in ("time", "velocity") else name for name in OF_IMPACTS}
-        hits = {name: seen[known].values for name, known in names.items() if known in seen}
-        state = np.concatenate([seen["displacement"].values[-1], seen["velocity"].values[-1]])
+        hits = {name: motion[known].values for name, known in names.items() if known in motion}
+        state = np.concatenate([motion["displacement"].values[-1], motion["velocity"].values[-1]])
         return Motion(hits, sorted((e for e in found if np.isfinite(e[0])), key=lambda e: e[0]), state)
 
     @staticmethod
@@ -63,14 +63,16 @@ class Witness:
     def motion(self, model, q, v, time=0.0, periods=1.0, cut=1e-9):
         """Return the motion over some driving periods, as `Engine.motion` does."""
         how = {"impacts": 10**6, "most_periods": periods, "cut": cut * model.velocity_scale}
-        seen = follow(linear(model), q, v, time, **how)
-        events = [(event.time, event.kind, event.stop) for event in seen.events]
-        return Motion(self._arrays(seen), events, np.concatenate([seen.end.displacement, seen.end.velocity]))
+        trajectory = follow(linear(model), q, v, time, **how)
+        events = [(event.time, event.kind, event.stop) for event in trajectory.events]
+        return Motion(
+            self._arrays(trajectory), events, np.concatenate([trajectory.end.displacement, trajectory.end.velocity])
+        )
 
     @staticmethod
-    def _arrays(seen):
+    def _arrays(samples):
         names = *OF_IMPACTS, "simultaneous", "stop"
-        return {name: np.array([getattr(event, name) for event in seen.impacts]) for name in names}
+        return {name: np.array([getattr(event, name) for event in samples.impacts]) for name in names}
 
 
 def later(code, model, state, begin, turns):
@@ -106,8 +108,8 @@ class Way:
 
     def simulate(self, osc, **how):
         """Return the motion over time."""
-        seen = self._asked(vi.simulate, osc, how)
-        return seen.isel(coordinate=0) if self.as_system else seen
+        samples = self._asked(vi.simulate, osc, how)
+        return samples.isel(coordinate=0) if self.as_system else samples
 
     def indices(self, osc, names=tuple(INDICES), transient=100, sample=5000, **how):
         """Return indices of the window of impacts, as plain numbers by their names, with the status."""

@@ -16,6 +16,7 @@ import pytest
 # on two cores. Read when NumPy is first imported, which is after this.
 for library in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(library, "1")
+os.environ.setdefault("MPLBACKEND", "agg")
 
 # A shell lets what it starts in the background ignore Ctrl-C, and whatever that starts inherits it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -112,6 +113,57 @@ def run(tmp_path, monkeypatch, capsys):
         return code, told.out.splitlines(), told.err.splitlines()
 
     return ran
+
+
+@pytest.fixture
+def refused(run, tmp_path):
+    """Run a command that exits 2 with one line and touches nothing; return the line."""
+
+    def kept():
+        return {
+            path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file() and path.suffix != ".pyc"
+        }
+
+    def complaint(command: str):
+        before = kept()
+        code, lines, complaints = run(command)
+        assert (code, lines, len(complaints)) == (2, [], 1), complaints
+        assert kept() == before
+        return complaints[0]
+
+    return complaint
+
+
+@pytest.fixture
+def memory(monkeypatch):
+    """Let the machine have so many bytes of memory."""
+    return lambda size: monkeypatch.setattr("vibroimpact.parameters.installed", lambda: size)
+
+
+@pytest.fixture
+def stopped_early(monkeypatch):
+    """Stop what the command line computes when it first tells how far it is."""
+    from vibroimpact.progress import Meter
+
+    def stop(meter, done, total, partial):
+        meter.stopped = True
+        return False
+
+    monkeypatch.setattr(Meter, "__call__", stop)
+
+
+@pytest.fixture
+def heard():
+    """Return what the listener of an explorer hears."""
+    return []
+
+
+@pytest.fixture
+def ax():
+    """Return new axes."""
+    from matplotlib.figure import Figure
+
+    return Figure(layout="constrained").add_subplot()
 
 
 @pytest.fixture

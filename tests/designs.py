@@ -31,6 +31,14 @@ RESTS = {
 }
 
 
+@vi.family(units={"rpm": "1/min", "clearance_mm": "mm"})
+def shaker(unbalance=0.002, rpm=1500.0, clearance_mm=0.5):
+    """Return a mass shaken by an unbalance."""
+    omega = rpm * 2 * math.pi / 60
+    force, gap = unbalance * omega**2, clearance_mm / 1e3
+    return vi.ImpactOscillator(mass=2.0, stiffness=3e4, damping=5.0, amplitude=force, omega=omega, gap=gap)
+
+
 def random_designs(rng, number):
     """Yield oscillators of 1 g to 1 t, driven at 1 Hz to 2 kHz, that swing by 1 um to 1 cm, with gaps of both signs.
 

@@ -149,10 +149,10 @@ def interrupted(folder):
         sweep(folder, progress=lambda *news: print("tile", flush=True))
     except KeyboardInterrupt:
         store = SweepStore(folder)
-        seen = store.records()
+        records = store.records()
         with store.writing():  # another may write at once
             time.sleep(1.0)
-        return {"done": int((seen[:, 0] > 0).sum()), "quiet": bool(np.array_equal(seen, store.records()))}
+        return {"done": int((records[:, 0] > 0).sum()), "quiet": bool(np.array_equal(records, store.records()))}
     return {}
 
 

@@ -3,7 +3,6 @@
 import numpy as np
 
 import vibroimpact as vi
-from vibroimpact import Status
 from vibroimpact.backends.reference.systems import CompliantStop, LinearSystem, RigidStop, follow
 
 CONTACT = ("impulse", "energy_lost", "peak_force", "contact_time", "penetration")
@@ -15,7 +14,7 @@ K = [[300.0, -100.0], [-100.0, 100.0]]
 
 def two_masses(**changes):
     """Return two coupled masses, the second one between two stops, one of which moves."""
-    given = {
+    arguments = {
         "mass": M,
         "damping": C,
         "stiffness": K,
@@ -25,19 +24,19 @@ def two_masses(**changes):
             vi.Stop(direction=[0.5, -1], gap=0.02, name="baffle"),
         ],
     }
-    return vi.ImpactSystem(**given | changes)
+    return vi.ImpactSystem(**arguments | changes)
 
 
 def one_mass(osc, **changes):
     """Return the system of one coordinate that an oscillator is."""
-    given = {
+    arguments = {
         "mass": osc.mass,
         "damping": osc.damping,
         "stiffness": osc.stiffness,
         "force": vi.Force(omega=osc.omega, harmonics={1: osc.amplitude}),
         "stops": [vi.Stop(direction=1, gap=osc.gap, restitution=osc.restitution)],
     }
-    return vi.ImpactSystem(**given | changes)
+    return vi.ImpactSystem(**arguments | changes)
 
 
 def a_random_system(rng, n, s=2, damping=None):
@@ -71,9 +70,9 @@ def on_springs(rng):
     stops = []
     for sign in (1.0, -1.0)[: int(rng.integers(1, 3))]:
         gives = {"stiffness": rng.uniform(5.0, 50.0), "damping": rng.choice([0.0, rng.uniform(0.0, 1.0)])}
-        own = gives if rng.random() < 0.5 else {"restitution": rng.choice([0.0, rng.uniform(0.3, 0.9)])}
+        law = gives if rng.random() < 0.5 else {"restitution": rng.choice([0.0, rng.uniform(0.3, 0.9)])}
         gap = rng.choice([0.0, rng.uniform(0.05, 0.8)])
-        stops.append(vi.Stop(direction=sign * np.eye(n)[-1], gap=gap, **own))
+        stops.append(vi.Stop(direction=sign * np.eye(n)[-1], gap=gap, **law))
     return vi.ImpactSystem(
         mass=np.diag(rng.uniform(0.5, 2.0, n)),
         damping=rng.uniform(0.02, 0.1) * stiffness,
@@ -85,7 +84,7 @@ def on_springs(rng):
 
 def changed(system, mass=1.0, force=1.0, length=1.0, time=1.0, basis=None):
     """Return the system in other units and coordinates, q = `basis` q'."""
-    given, basis = system.arguments(), np.eye(len(system.mass)) if basis is None else basis
+    arguments, basis = system.arguments(), np.eye(len(system.mass)) if basis is None else basis
     load = mass * length / time**2 * force
     stiff = load / length
     units = {"stiffness": stiff, "damping": stiff * time}
@@ -96,9 +95,9 @@ def changed(system, mass=1.0, force=1.0, length=1.0, time=1.0, basis=None):
     harmonics = {h: load * (basis.T @ p) for h, p in system.force.harmonics.items()}
     constant = None if system.force.constant is None else load * (basis.T @ system.force.constant)
     return vi.ImpactSystem(
-        mass=of(given["mass"], stiff * time**2),
-        damping=of(given["damping"], stiff * time),
-        stiffness=of(given["stiffness"], stiff),
+        mass=of(arguments["mass"], stiff * time**2),
+        damping=of(arguments["damping"], stiff * time),
+        stiffness=of(arguments["stiffness"], stiff),
         force=vi.Force(omega=system.omega / time, harmonics=harmonics, constant=constant),
         stops=[
             stop.replace(
@@ -187,7 +186,7 @@ def linear(model):
 
 def outcome(model, sample=100, **how):
     """Return how its motion ends."""
-    return Status(int(impacts(model, sample, **how)["status"]))
+    return vi.Status(int(impacts(model, sample, **how)["status"]))
 
 
 def difference(seed, model, q, speed, most=20):
@@ -196,12 +195,12 @@ def difference(seed, model, q, speed, most=20):
     Errors are those of the start and, on the way, of clearances relative to the farthest that the system goes and of
     rates of contacts. A contact that is not over has no known impulse.
     """
-    seen = follow(linear(model), q, speed, impacts=most, most_periods=30, cut=1e-9 * model.velocity_scale)
-    number = len(seen.impacts)
+    trajectory = follow(linear(model), q, speed, impacts=most, most_periods=30, cut=1e-9 * model.velocity_scale)
+    number = len(trajectory.impacts)
     if not number:
         return 0, 0.0, ""
     near = q + 1e-9 * np.random.default_rng(seed).normal(size=len(q))
-    farthest = max(1.0, *(np.abs(x[: len(q)]).max() for _, _, x in seen.pieces))
+    farthest = max(1.0, *(np.abs(x[: len(q)]).max() for _, _, x in trajectory.pieces))
     changes = {f"{stop.name}_gap": stop.gap + 1e-9 * farthest for stop in model.stops}
     changes |= {f"{s.name}_stiffness": s.stiffness * (1 + 1e-9) for s in model.stops if s.compliant}
     moved = model.replace(**changes)
@@ -215,9 +214,11 @@ def difference(seed, model, q, speed, most=20):
     apart = [np.abs(other[name].values[:both] - own[name].values[:both]) / size for name, size in scales.items()]
     growth = np.maximum(np.maximum.accumulate(np.nanmax(apart, axis=0) / 1e-9), 1.0)
     sure, worst = np.flatnonzero(growth < 1e6), (0.0, "")
-    pushing = {j: max((i for i in range(number) if seen.impacts[i].stop == j), default=-1) for j in seen.pushing}
+    pushing = {
+        j: max((i for i in range(number) if trajectory.impacts[i].stop == j), default=-1) for j in trajectory.pushing
+    }
     for at in sure:
-        event = seen.impacts[at]
+        event = trajectory.impacts[at]
         if model.stop_names[event.stop] != own["stop"].values[at]:
             return len(sure), np.inf, f"stop of impact {at}"
         over = model.stops[event.stop].compliant and at not in pushing.values()
@@ -307,17 +308,97 @@ def beside_its_centre(model):
     return system(mass, damping, between, model.omega, stops, load, constant), len(rows) - rank
 
 
-def chain(**changes):
+def springs_of(n):
+    """Return the stiffness of a chain of unit springs, whose last mass is free on one side."""
+    stiffness = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    stiffness[-1, -1] = 1.0
+    return stiffness
+
+
+CHAIN = springs_of(3)
+
+
+def chain(restitution=0.7, **changes):
     """Return three masses on springs, driven at one end, the other one before a stop."""
-    K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
-    given = {
+    arguments = {
         "mass": np.eye(3),
-        "damping": 0.02 * K,
-        "stiffness": K,
+        "damping": 0.02 * CHAIN,
+        "stiffness": CHAIN,
         "force": vi.Force(omega=0.9, harmonics={1: [1.0, 0.0, 0.0]}),
-        "stops": [vi.Stop(direction=[0, 0, 1], gap=0.5, restitution=0.7)],
+        "stops": [vi.Stop(direction=[0, 0, 1], gap=0.5, restitution=restitution, name="bar")],
     }
-    return vi.ImpactSystem(**given | changes)
+    return vi.ImpactSystem(**arguments | changes)
+
+
+def facing(direction, gap, restitution):
+    """Return two stops that are mirror images of each other."""
+    return [
+        vi.Stop(direction=sign * np.array(direction), gap=gap, restitution=restitution, name=name)
+        for sign, name in ((1, "above"), (-1, "below"))
+    ]
+
+
+def two_sided(omega=2.0, restitution=0.6, gap=0.5, **changes):
+    """Return a driven mass on a spring between two stops."""
+    arguments = {
+        "mass": 1.0,
+        "damping": 0.05,
+        "stiffness": 1.0,
+        "force": vi.Force(omega=omega, harmonics={1: 1.0}),
+        "stops": facing([1.0], gap, restitution),
+    }
+    return vi.ImpactSystem(**arguments | changes)
+
+
+TWINS = two_sided(5.0, 0.8, 0.05)  # a motion of two impacts, its mirror image, and one clear of the stops
+
+
+def impact_damper(**changes):
+    """Return a driven mass on a spring with a free one between two stops on it."""
+    arguments = {
+        "mass": np.diag([1.0, 0.1]),
+        "damping": np.diag([0.02, 0.0]),
+        "stiffness": np.diag([1.0, 0.0]),
+        "force": vi.Force(omega=1.0, harmonics={1: [1.0, 0.0]}),
+        "stops": facing([-1.0, 1.0], 10.0, 0.8),
+    }
+    return vi.ImpactSystem(**arguments | changes)
+
+
+def free_pair(gap=3.0, **changes):
+    """Return two free masses between two stops on each other, with a load on either."""
+    arguments = {
+        "mass": np.eye(2),
+        "damping": 0.0,
+        "stiffness": 0.0,
+        "force": vi.Force(omega=1.0, harmonics={1: [1.0, -1.0]}),
+        "stops": [vi.Stop(direction=[sign, -sign], gap=gap, restitution=0.5) for sign in (1, -1)],
+    }
+    return vi.ImpactSystem(**arguments | changes)
+
+
+def random_pair(seed):
+    """Return two masses on springs between walls, the second one between two stops."""
+    rng = np.random.default_rng(seed)
+    k, m, c = rng.uniform(0.5, 2, 3), rng.uniform(0.5, 2, 2), rng.uniform(0.02, 0.1)
+    stiffness = np.array([[k[0] + k[1], -k[1]], [-k[1], k[1] + k[2]]])
+    gaps, symmetric = [rng.uniform(0.1, 0.8)], rng.random() < 0.5
+    bounces = [rng.uniform(0.3, 0.9)]
+    gaps += gaps if symmetric else [rng.uniform(0.1, 0.8)]
+    bounces += bounces if symmetric else [rng.uniform(0.3, 0.9)]
+    stops = [vi.Stop(direction=[0, sign], gap=gap, restitution=bounce, name=name) for sign, gap, bounce, name in
+             zip((1, -1), gaps, bounces, ("right", "left"), strict=True)]  # fmt: skip
+    return system(np.diag(m), c * stiffness, stiffness, rng.uniform(0.5, 3), stops, {1: [1.0, 0.0]})
+
+
+THREE = random_pair(19)  # period-2 impact-6, period-3 impact-8, no impact
+
+
+def bouncing_ball(gamma, restitution=0.5, omega=3.0, gravity=9.81):
+    """Return a ball on a table whose acceleration is at most gamma g."""
+    moves = {1: -gamma * gravity / omega**2}
+    table = vi.Stop(direction=-1, gap=0.0, restitution=restitution, name="table", motion=moves)
+    return system(0.3, 0.0, 0.0, omega, [table], constant=-0.3 * gravity)
 
 
 def between_stops(omega):

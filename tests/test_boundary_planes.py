@@ -7,17 +7,16 @@ import pytest
 from scipy.spatial import cKDTree
 
 import vibroimpact as vi
-from vibroimpact.continuation import boundary_curves, continue_boundary, continue_orbit
+from contents import special_points
 from vibroimpact.continuation.lines import without_grazing_impacts
 from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.continuation.sticking import Sticking
 from vibroimpact.dataset import bundle
-from vibroimpact.orbits import find_orbit
 from vibroimpact.orbits.equations import parameters_of
 from vibroimpact.orbits.one_mass import solve
 from vibroimpact.orbits.orbit import make_orbit, solution_of
 from vibroimpact.orbits.sticking import periods_from_release
-from vibroimpact.orbits.sticking_end import end_of_sticking, scaling_exponent
+from vibroimpact.orbits.sticking_end import scaling_exponent
 from vibroimpact.report import sentences_of
 
 OSC = vi.ImpactOscillator()
@@ -31,21 +30,21 @@ NEAR = (3e-4, 1e-4, 3e-5, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)  # of the ranges: strips
 def random_plane(seed):
     rng = np.random.default_rng(seed)
     names = tuple(map(str, rng.choice(list(RANGES), 2, replace=False)))
-    own = {name: float(rng.uniform(*ends)) for name, ends in RANGES.items()}
+    numbers = {name: float(rng.uniform(*ends)) for name, ends in RANGES.items()}
     box = []
     for name in names:
         low, high = RANGES[name]
         width = (high - low) * rng.uniform(0.2, 0.8)
         first = float(rng.uniform(low, high - width))
         box.append((first, first + float(width)))
-        own[name] = first
-    return vi.ImpactOscillator(**own), names, tuple(box), rng
+        numbers[name] = first
+    return vi.ImpactOscillator(**numbers), names, tuple(box), rng
 
 
 @pytest.fixture(scope="module", params=[3, 6])  # run with some dozens of seeds after a change
 def plane(request):
     osc, names, box, rng = random_plane(request.param)
-    return names, box, rng, boundary_curves(osc, names, box, lines=2, step=0.04)
+    return names, box, rng, vi.boundary_curves(osc, names, box, lines=2, step=0.04)
 
 
 @pytest.mark.long
@@ -76,7 +75,7 @@ def attracts(curve, at, osc, distance):
         return periods_from_release(osc, n) == n
     if max(at.velocities) == 0.0:
         return osc.gap > osc.steady_amplitude
-    orbits = find_orbit(osc, n_periods=n) if p == 1 else beside(curve, at, osc, distance)
+    orbits = vi.find_orbit(osc, n_periods=n) if p == 1 else beside(curve, at, osc, distance)
     far = max(0.2, 10.0 * math.sqrt(distance)) * (max(at.velocities) + osc.velocity_scale)
     near = [orbit for orbit in orbits if abs(max(orbit.velocities) - max(at.velocities)) < far]
     return any(orbit.stable and orbit.admissible for orbit in near)
@@ -124,8 +123,8 @@ def test_what_was_followed_and_reached_is_said(plane):
 def test_orbits_with_several_impacts_are_followed_where_a_map_shows_them():
     osc, names, box, _ = random_plane(6)
     kinds = ("fold", "period_doubling", "grazing")
-    curves = boundary_curves(osc, names, box, kinds=kinds, lines=2, step=0.1)
-    known = boundary_curves(osc, names, box, n_periods=(1, 2), kinds=kinds, lines=2, step=0.1)
+    curves = vi.boundary_curves(osc, names, box, kinds=kinds, lines=2, step=0.1)
+    known = vi.boundary_curves(osc, names, box, n_periods=(1, 2), kinds=kinds, lines=2, step=0.1)
     assert curves.share > 0.7
     assert {curve.orbits[0].n_impacts for curve in curves} > {curve.orbits[0].n_impacts for curve in known}
     assert math.isnan(known.share)
@@ -135,7 +134,7 @@ def test_orbits_with_several_impacts_are_followed_where_a_map_shows_them():
 @pytest.mark.long
 def test_the_steady_motion_touches_the_stop_along_one_curve_alone():
     """With velocity 0 each period-n impact-1 orbit is the steady motion, which repeats after every period."""
-    curves = boundary_curves(
+    curves = vi.boundary_curves(
         OSC, ("omega", "gap"), ((1.2, 2.4), (0.1, 1.5)), n_periods=(1, 2), kinds=("grazing",), lines=2, step=0.05
     )
     touching = [curve for curve in curves if max(orbit.velocities[0] for orbit in curve.orbits) == 0.0]
@@ -145,14 +144,14 @@ def test_the_steady_motion_touches_the_stop_along_one_curve_alone():
 
 
 def test_a_graze_at_velocity_zero_is_one_of_the_orbit_without_that_impact():
-    stable = find_orbit(OSC.replace(omega=0.9, gap=0.0), n_impacts=2)[0]
-    branch = continue_orbit(stable, "gap", (-0.5, 0.5), virtual=False)
-    for point in (point for point in branch.special if point.kind == "grazing"):
+    stable = vi.find_orbit(OSC.replace(omega=0.9, gap=0.0), n_impacts=2)[0]
+    branch = vi.continue_orbit(stable, "gap", (-0.5, 0.5), virtual=False)
+    for point in special_points(branch, "grazing"):
         kept = [v for v in point.orbit.velocities if v > 0.0]
-        left = without_grazing_impacts(point)
-        assert isinstance(left, BifurcationPoint)
-        assert sorted(left.orbit.velocities) == sorted(kept)
-        assert left.orbit.admissible
+        without = without_grazing_impacts(point)
+        assert isinstance(without, BifurcationPoint)
+        assert sorted(without.orbit.velocities) == sorted(kept)
+        assert without.orbit.admissible
 
 
 def test_an_island_of_sticking_has_a_closed_curve(monkeypatch):
@@ -161,8 +160,8 @@ def test_an_island_of_sticking_has_a_closed_curve(monkeypatch):
         return inside ** scaling_exponent(OSC.restitution) if inside >= 0.0 else math.nan
 
     monkeypatch.setattr(Sticking, "stuck", in_a_disc)
-    point = end_of_sticking(OSC, "omega", (0.3, 0.4))
-    curve = continue_boundary(point, ("omega", "mass"), ((0.2, 0.6), (0.5, 1.5)))
+    point = vi.end_of_sticking(OSC, "omega", (0.3, 0.4))
+    curve = vi.continue_boundary(point, ("omega", "mass"), ((0.2, 0.6), (0.5, 1.5)))
     assert curve.outcome == ("closed", "closed")
     np.testing.assert_array_equal(curve.values[0], curve.values[-1])
     unit = (curve.values - (point.value, 1.0)) / (0.4, 1.0)

@@ -9,8 +9,6 @@ import xarray as xr
 import vibroimpact as vi
 from vibroimpact.dataset import provenance, status_variable, variable
 from vibroimpact.motion import CERTAIN_GROWTH, MotionClass
-from vibroimpact.motion.classes import classify
-from vibroimpact.motion.recognition import recognise
 
 OSC = vi.ImpactOscillator()
 CYCLES = ("lyapunov_per_impact", "n_periods", "n_impacts")
@@ -18,16 +16,16 @@ SPREAD = np.linspace(0.06, 5.0, 120)
 
 
 def motion_at(osc=OSC, **settings):
-    cell = classify(vi.parameter_map(osc, omega=[osc.omega], **({"indices": CYCLES} | settings))).isel(omega=0)
+    cell = vi.classify(vi.parameter_map(osc, omega=[osc.omega], **({"indices": CYCLES} | settings))).isel(omega=0)
     return MotionClass(int(cell["motion"])), int(cell["n_periods"]), int(cell["n_impacts"])
 
 
 def cells(per_impact, n_periods, n_impacts, status, sample_impacts=1000):
     """Return a sweep that tells this of its cells."""
-    told = {"lyapunov_per_impact": per_impact, "n_periods": n_periods, "n_impacts": n_impacts}
+    indices = {"lyapunov_per_impact": per_impact, "n_periods": n_periods, "n_impacts": n_impacts}
     axis = np.arange(1.0, len(status) + 1.0)
     return xr.Dataset(
-        {name: variable(name, "omega", data) for name, data in told.items()}
+        {name: variable(name, "omega", data) for name, data in indices.items()}
         | {"status": status_variable("omega", status)},
         coords={"omega": variable("omega", "omega", axis)},
         attrs=provenance("parameter_map", OSC, {"sample_impacts": sample_impacts}),
@@ -102,7 +100,7 @@ def test_each_rule_decides_where_the_ones_before_it_do_not():
             vi.Status.OK,
         ],
     )
-    words = [MotionClass(code).word for code in classify(sweep)["motion"].values]
+    words = [MotionClass(code).word for code in vi.classify(sweep)["motion"].values]
     assert words == [
         "no_impact",
         "undecided",
@@ -116,11 +114,11 @@ def test_each_rule_decides_where_the_ones_before_it_do_not():
         "undecided",
         "chaotic",
     ]
-    assert classify(sweep)["n_impacts"].values[-1] == 0, "without a cycle no impacts are counted"
+    assert vi.classify(sweep)["n_impacts"].values[-1] == 0, "without a cycle no impacts are counted"
 
 
 def test_positive_exponents_and_motions_that_never_repeat_are_one_thing(spread):
-    motion = classify(spread)["motion"]
+    motion = vi.classify(spread)["motion"]
     grows, cycle = spread["lyapunov"] > 0, (spread["n_periods"] > 0) | (spread["n_impacts"] == -1)
     assert not bool((grows & cycle).any())
     decided = motion != MotionClass.UNDECIDED
@@ -132,19 +130,19 @@ def test_positive_exponents_and_motions_that_never_repeat_are_one_thing(spread):
 
 def test_classes_agree_with_the_names_read_off_the_impacts(spread):
     for at in range(0, len(SPREAD), 6):
-        kind = MotionClass(int(classify(spread)["motion"][at]))
+        kind = MotionClass(int(vi.classify(spread)["motion"][at]))
         section = vi.impact_section(OSC.replace(omega=SPREAD[at]), start=vi.State(-1.0), transient_impacts=3000)
         if kind != MotionClass.UNDECIDED:
-            assert recognise(section).kind == kind.word, SPREAD[at]
+            assert vi.recognise(section).kind == kind.word, SPREAD[at]
 
 
 def test_the_exponent_per_time_decides_as_the_one_per_impact(spread):
-    by_impact = classify(spread.drop_vars(["lyapunov", "impacts_per_period"]))
-    by_time = classify(spread.drop_vars("lyapunov_per_impact"))
+    by_impact = vi.classify(spread.drop_vars(["lyapunov", "impacts_per_period"]))
+    by_time = vi.classify(spread.drop_vars("lyapunov_per_impact"))
     np.testing.assert_array_equal(by_impact["motion"], by_time["motion"])
     in_hertz = spread.drop_vars("lyapunov_per_impact").rename(omega="frequency")
     in_hertz = in_hertz.assign_coords(frequency=variable("frequency", "frequency", SPREAD / (2 * math.pi)))
-    np.testing.assert_array_equal(classify(in_hertz)["motion"], by_impact["motion"])
+    np.testing.assert_array_equal(vi.classify(in_hertz)["motion"], by_impact["motion"])
 
 
 def test_a_family_is_classified_by_the_exponent_per_impact_alone():
@@ -152,14 +150,18 @@ def test_a_family_is_classified_by_the_exponent_per_impact_alone():
     family = vi.family(lambda hertz=0.45: vi.ImpactOscillator(frequency=hertz))
     indices = (*CYCLES, "lyapunov", "impacts_per_period")
     sweep = vi.parameter_map(family, hertz=[0.1 / 2 / math.pi, 1 / math.pi, 1.4 / math.pi], indices=indices)
-    assert [MotionClass(code).word for code in classify(sweep)["motion"].values] == ["sticking", "periodic", "chaotic"]
+    assert [MotionClass(code).word for code in vi.classify(sweep)["motion"].values] == [
+        "sticking",
+        "periodic",
+        "chaotic",
+    ]
     with pytest.raises(ValueError, match="lacks lyapunov_per_impact"):
-        classify(sweep.drop_vars("lyapunov_per_impact"))
+        vi.classify(sweep.drop_vars("lyapunov_per_impact"))
 
 
 def test_a_map_of_three_axes_is_classified_cell_by_cell():
     axes = {"omega": [0.1, 2.0, 2.8], "mass": [0.9, 1.0], "gap": [0.0, 50.0]}
-    cube = classify(vi.parameter_map(OSC, **axes, indices=CYCLES, sample_impacts=1000))
+    cube = vi.classify(vi.parameter_map(OSC, **axes, indices=CYCLES, sample_impacts=1000))
     assert cube["motion"].dims == ("omega", "mass", "gap")
     assert bool((cube["motion"].sel(gap=50.0) == MotionClass.NO_IMPACT).all())
     line = [MotionClass(code).word for code in cube["motion"].sel(gap=0.0, mass=1.0).values]
@@ -169,19 +171,13 @@ def test_a_map_of_three_axes_is_classified_cell_by_cell():
 @pytest.mark.parametrize("direction", ["fresh", "down"])
 def test_a_diagram_that_tells_the_indices_along_its_axis_is_classified(direction):
     values = {"omega": [0.1, 2.0, 2.8], "sample_impacts": 1000, "indices": CYCLES}
-    classes = classify(vi.bifurcation_diagram(OSC, **values, direction=direction))
+    classes = vi.classify(vi.bifurcation_diagram(OSC, **values, direction=direction))
     assert classes["motion"].dims == ("omega",)
     assert [MotionClass(code).word for code in classes["motion"].values] == ["sticking", "periodic", "chaotic"]
 
 
-def test_classes_come_back_from_a_file_as_they_were(tmp_path, spread):
-    classes = classify(spread)
-    vi.save(classes, tmp_path / "classes.nc")
-    xr.testing.assert_identical(vi.load(tmp_path / "classes.nc")["motion"], classes["motion"])
-
-
 def test_a_class_is_labelled_by_flags_and_keeps_what_it_was_made_from(spread):
-    classes = classify(spread)
+    classes = vi.classify(spread)
     assert classes["motion"].attrs["flag_meanings"] == "undecided no_impact periodic sticking chaotic"
     np.testing.assert_array_equal(classes["motion"].attrs["flag_values"], range(5))
     assert classes.attrs["oscillator"] == spread.attrs["oscillator"]
@@ -189,7 +185,7 @@ def test_a_class_is_labelled_by_flags_and_keeps_what_it_was_made_from(spread):
 
 
 @pytest.mark.parametrize(
-    ("sweep", "told"),
+    ("sweep", "words"),
     [
         ([1.0], "`sweep` must be a Dataset, got [1.0]"),
         (
@@ -204,7 +200,7 @@ def test_a_class_is_labelled_by_flags_and_keeps_what_it_was_made_from(spread):
         (cells([0.1], [0], [0], [0]).drop_attrs(), "`sweep` must hold the number of sampled impacts"),
     ],
 )
-def test_a_sweep_that_cannot_be_classified_is_refused_with_what_to_ask_for(sweep, told):
+def test_a_sweep_that_cannot_be_classified_is_refused_with_what_to_ask_for(sweep, words):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
-        classify(sweep)
-    assert told in str(caught.value)
+        vi.classify(sweep)
+    assert words in str(caught.value)

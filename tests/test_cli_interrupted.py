@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import store_driver as driver
 import vibroimpact as vi
+from processes import DRIVER
 from vibroimpact.execution.store import SweepStore
 
 posix = pytest.mark.skipif(os.name == "nt", reason="a child cannot be sent Ctrl-C alone")
@@ -35,9 +34,17 @@ def ended():
 
 def started(folder: Path, patience: float, command: str) -> subprocess.Popen:
     """Start the command line; return once it computes."""
-    words = [sys.executable, driver.__file__, "typed", str(folder), str(patience), *command.split()]
+    words = [*DRIVER, "typed", str(folder), str(patience), *command.split()]
     STARTED.append(subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True))
     return STARTED[-1]
+
+
+def with_one_slow_cell(folder: Path, patience: float) -> subprocess.Popen:
+    """Start a map of which all cells but one end, those that the mass never reaches; return once they have."""
+    process = started(folder, patience, f"map --x gap=0:300:4 -p omega=2 {NEVER} --out map.nc")
+    assert process.stderr.readline().startswith("ImpactOscillator: mass 1 kg")
+    assert "map: " in process.stderr.readline()
+    return process
 
 
 def interrupt(process: subprocess.Popen) -> str:
@@ -73,9 +80,7 @@ def test_the_first_ctrl_c_gives_up_cells_that_take_too_long_and_the_store_can_be
 @pytest.mark.long
 @posix
 def test_the_first_ctrl_c_keeps_the_cells_that_have_ended_beside_one_that_takes_too_long(tmp_path):
-    process = started(tmp_path, 1.0, f"map --x gap=0:300:4 -p omega=2 {NEVER} --out map.nc")
-    assert process.stderr.readline().startswith("ImpactOscillator: mass 1 kg")
-    assert "map: " in process.stderr.readline()  # those that the mass never reaches have ended
+    process = with_one_slow_cell(tmp_path, 1.0)
     interrupt(process)
     _, complaints = process.communicate(timeout=600)
     assert process.returncode == 130
@@ -108,9 +113,7 @@ def test_the_second_ctrl_c_ends_at_once_and_leaves_no_tile_half_written(tmp_path
 @pytest.mark.long
 @posix
 def test_the_second_ctrl_c_ends_cells_that_take_too_long(tmp_path):
-    process = started(tmp_path, 1000.0, f"map --x gap=0:300:4 -p omega=2 {NEVER} --out map.nc")
-    assert process.stderr.readline().startswith("ImpactOscillator: mass 1 kg")
-    assert "map: " in process.stderr.readline()
+    process = with_one_slow_cell(tmp_path, 1000.0)
     interrupt(process)
     assert "stopped at once, nothing was kept" in interrupt(process)
     process.communicate(timeout=600)

@@ -66,19 +66,19 @@ def two(tmp_path):
     ],
 )
 def test_a_command_computes_a_system(run, command, lines):
-    code, told, complaints = run(command)
+    code, output, complaints = run(command)
     assert code == 0, complaints
     for line in lines:
-        assert any(re.search(line, entry) for entry in told), told
+        assert any(re.search(line, entry) for entry in output), output
 
 
 def test_orbits_of_a_system_are_listed_and_kept_as_those_of_one_mass(run, tmp_path):
-    code, told, _ = run("orbit --model two_sided_oscillator --stops left --symmetric")
+    code, lines, _ = run("orbit --model two_sided_oscillator --stops left --symmetric")
     (orbit,) = vi.find_orbit(vi.models.two_sided_oscillator(), stops="left", symmetric=True)
-    assert (code, told[0]) == (0, "1 period-1 impact-2 orbit")
-    assert told[1].startswith("1. period-1 impact-2, stable, repeats every 0.04 s")
-    assert f"hits at {orbit.velocities[0]:.6g} m/s at phase {orbit.phases[0]:.6g} on left" in told[2]
-    assert f"multipliers 2, the largest {orbit.multipliers[0].real:.6g}" in told[3]
+    assert (code, lines[0]) == (0, "1 period-1 impact-2 orbit")
+    assert lines[1].startswith("1. period-1 impact-2, stable, repeats every 0.04 s")
+    assert f"hits at {orbit.velocities[0]:.6g} m/s at phase {orbit.phases[0]:.6g} on left" in lines[2]
+    assert f"multipliers 2, the largest {orbit.multipliers[0].real:.6g}" in lines[3]
     times = ",".join(repr(turn * orbit.system.period) for turn in orbit.turns)
     assert run(f"orbit --model two_sided_oscillator --stops left,right --near {times} --out orbit.json")[0] == 0
     (read,) = json.loads((tmp_path / "orbit.json").read_text())["orbits"]
@@ -92,10 +92,10 @@ def test_orbits_of_a_system_are_listed_and_kept_as_those_of_one_mass(run, tmp_pa
 
 
 def test_an_orbit_that_rests_is_listed_and_kept_with_its_rests(run, tmp_path):
-    code, told, _ = run("orbit --model bouncing_ball --impacts -1")
+    code, lines, _ = run("orbit --model bouncing_ball --impacts -1")
     (orbit,) = vi.find_orbit(vi.models.bouncing_ball(), n_impacts=-1)
-    assert (code, told[0]) == (0, "1 period-1 sticking orbit")
-    assert f"hits at {orbit.velocities[0]:.6g} m/s at phase {orbit.phases[0]:.6g} on table" in told[2]
+    assert (code, lines[0]) == (0, "1 period-1 sticking orbit")
+    assert f"hits at {orbit.velocities[0]:.6g} m/s at phase {orbit.phases[0]:.6g} on table" in lines[2]
     assert run("orbit --model bouncing_ball --impacts -1 --out orbit.json")[0] == 0
     (read,) = json.loads((tmp_path / "orbit.json").read_text())["orbits"]
     assert read["rests"] == [rest._asdict() for rest in orbit.rests]
@@ -125,8 +125,8 @@ def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
     kinds = vi.load(tmp_path / "branch.zarr")["special_kind"]
     assert [kinds.attrs["flag_meanings"].split()[code] for code in kinds.values] == ["fold", "period_doubling"]
     plane = "--x amplitude=1e-4:1.6e-4 --y restitution=0.45:0.55 --periods 1 --lines 2 --step 0.2 --kind fold"
-    code, told, _ = run(f"boundary --model bouncing_ball {plane} --out curves.nc")
-    assert (code, len(told)) == (0, 1)
+    code, lines, _ = run(f"boundary --model bouncing_ball {plane} --out curves.nc")
+    assert (code, len(lines)) == (0, 1)
     assert dict(vi.load(tmp_path / "curves.nc").sizes)["curve_id"] == 1
 
 
@@ -164,7 +164,5 @@ def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
         ),
     ],
 )
-def test_what_a_system_has_not_is_refused_in_one_line(run, command, words):
-    code, told, complaints = run(command)
-    assert (code, told, len(complaints)) == (2, [], 1), complaints
-    assert words in complaints[0]
+def test_what_a_system_has_not_is_refused_in_one_line(refused, command, words):
+    assert words in refused(command)

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 import vibroimpact as vi
 from codes import Witness, differences, later
-from systems import changed, drawn, impacts, system
+from systems import chain, changed, drawn, impact_damper, impacts, springs_of, system, two_sided
 
 
 def spring(stiffness, damping=0.0, gap=0.0, direction=1.0, **more):
@@ -24,23 +24,10 @@ def wall(direction, gap=0.0, restitution=0.8, **more):
 
 # One impact in each period, or in each half of it on either of two stops
 
-CHAIN = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
 ONE_IMPACT = {  # velocity and phase have 50 digits in mpmath
-    "two-sided": (
-        system(1, 0.05, 1, 2.0, [wall(1, 0.5, 0.6), wall(-1, 0.5, 0.6)], {1: 1.0}),
-        (1.01091975000998629752895, 0.30697182627669859292, 0.576894695880845),
-    ),
-    "three masses": (
-        system(np.eye(3), 0.02 * CHAIN, CHAIN, 0.9, [wall([0, 0, 1], 0.5, 0.7)], {1: [1, 0, 0]}),
-        (0.6314772880991517553058458, 0.61512189651226436508, 0.916997423593104),
-    ),
-    "impact damper": (
-        system(
-            *(np.diag([1.0, 0.1]), np.diag([0.02, 0.0]), np.diag([1.0, 0.0]), 1.0),
-            *([wall([-1, 1], 10.0), wall([1, -1], 10.0)], {1: [1, 0]}),
-        ),
-        (9.407221992561745893002965, 0.74256436841325221938, 0.951484071086934),
-    ),
+    "two-sided": (two_sided(), (1.01091975000998629752895, 0.30697182627669859292, 0.576894695880845)),
+    "three masses": (chain(), (0.6314772880991517553058458, 0.61512189651226436508, 0.916997423593104)),
+    "impact damper": (impact_damper(), (9.407221992561745893002965, 0.74256436841325221938, 0.951484071086934)),
 }
 
 
@@ -75,10 +62,10 @@ def orbit_of(name):
 @pytest.mark.parametrize("name", ONE_IMPACT)
 def test_a_motion_of_one_impact_is_that_of_its_closed_form(code, name):
     model, velocity, phase, state, turn = orbit_of(name)
-    seen = code.impacts(model, *np.split(state, 2), phase * model.period, number=6)
-    assert seen["velocity"] == pytest.approx(velocity, rel=1e-12)
-    assert seen["time"] / model.period == pytest.approx(phase + turn * np.arange(1, 7), rel=1e-12)
-    assert seen["stop"].tolist() == ([1, 0] * 3 if turn < 1.0 else [0] * 6)
+    hits = code.impacts(model, *np.split(state, 2), phase * model.period, number=6)
+    assert hits["velocity"] == pytest.approx(velocity, rel=1e-12)
+    assert hits["time"] / model.period == pytest.approx(phase + turn * np.arange(1, 7), rel=1e-12)
+    assert hits["stop"].tolist() == ([1, 0] * 3 if turn < 1.0 else [0] * 6)
     begin = phase * model.period
     on_the_way, there = later(code, model, state, begin, 0.3125 * turn), begin + 0.3125 * turn * model.period
     jacobian = (-1.0 if turn < 1.0 else 1.0) * differences(code, model, on_the_way, there, turn)
@@ -123,9 +110,9 @@ def shrinking(kind):
 @pytest.mark.parametrize("kind", [*ONE_IMPACT, 20, 24, 37, 46])
 def test_volumes_shrink_by_the_damping_and_by_the_square_of_the_restitution(code, kind):
     model, state, begin, turns = shrinking(kind)
-    seen = code.motion(model, *np.split(state, 2), begin, turns).events
-    assert {what for _, what, _ in seen} == {"impact"}
-    bounced = math.prod(model.stops[stop].restitution ** 2 for *_, stop in seen)
+    events = code.motion(model, *np.split(state, 2), begin, turns).events
+    assert {what for _, what, _ in events} == {"impact"}
+    bounced = math.prod(model.stops[stop].restitution ** 2 for *_, stop in events)
     loss = np.trace(np.linalg.solve(model.mass, model.damping)) * turns * model.period
     found = np.linalg.det(differences(code, model, state, begin, turns))
     assert found == pytest.approx(bounced * math.exp(-loss), rel=1e-7)
@@ -140,10 +127,10 @@ def test_a_ball_bounces_on_a_table_as_its_fixed_point_says(code, n_periods, shar
     phase = math.acos(fold / gamma)
     speed = g * n_periods * math.pi / w  # before and after, of the ball itself
     state, begin = np.array([gamma * g / w**2 * math.sin(phase), speed]), phase / w
-    seen = code.impacts(ball, *state[:, None], begin, number=code.many)
-    assert seen["velocity"] == pytest.approx(speed + gamma * g / w * math.cos(phase), rel=1e-11)
+    hits = code.impacts(ball, *state[:, None], begin, number=code.many)
+    assert hits["velocity"] == pytest.approx(speed + gamma * g / w * math.cos(phase), rel=1e-11)
     since = n_periods * ball.period * np.arange(1, code.many + 1)
-    assert seen["time"] == pytest.approx(begin + since, rel=1e-11)
+    assert hits["time"] == pytest.approx(begin + since, rel=1e-11)
     there, on_the_way = begin + 0.40625 * ball.period, later(code, ball, state, begin, 0.40625)
     trace = np.trace(differences(code, ball, on_the_way, there, n_periods))
     assert trace == pytest.approx(1 + r**2 - (1 + r) ** 2 * gamma * math.sin(phase), rel=1e-6)
@@ -177,19 +164,19 @@ def test_a_free_mass_rebounds_as_kelvin_and_voigt_say(code, z, k, rounding):
     rate, c = math.sqrt(k / mass), 2.0 * z * math.sqrt(k * mass)
     box = system(mass, 0, 0, 1.3, [spring(k, c, gap=0.5), wall(-1, 0.5, 1.0)])
     near = max(rounding, 1e-12) if isinstance(code, Witness) or z >= 1.0 else rounding
-    seen = code.impacts(box, [0.0], [v], number=3)
+    hits = code.impacts(box, [0.0], [v], number=3)
     r, lasts = kelvin_voigt(z)
-    assert seen["stop"].tolist() == [0, 1, 0]
-    assert seen["velocity"][:2] == pytest.approx([v, r * v], rel=near)
-    assert seen["contact_time"][0] == pytest.approx(lasts / rate, rel=near)
-    assert seen["impulse"][0] == pytest.approx((1.0 + r) * mass * v, rel=near)
+    assert hits["stop"].tolist() == [0, 1, 0]
+    assert hits["velocity"][:2] == pytest.approx([v, r * v], rel=near)
+    assert hits["contact_time"][0] == pytest.approx(lasts / rate, rel=near)
+    assert hits["impulse"][0] == pytest.approx((1.0 + r) * mass * v, rel=near)
     lost = (1.0 - r**2) * mass * v**2 / 2.0
-    assert seen["energy_lost"][0] == pytest.approx(lost, rel=10 * near, abs=1e-13 * mass * v**2)
+    assert hits["energy_lost"][0] == pytest.approx(lost, rel=10 * near, abs=1e-13 * mass * v**2)
     if z == 0.0:  # half a sine
-        assert seen["peak_force"][0] == pytest.approx(v * math.sqrt(k * mass), rel=near)
-        assert seen["penetration"][0] == pytest.approx(v / rate, rel=near)
+        assert hits["peak_force"][0] == pytest.approx(v * math.sqrt(k * mass), rel=near)
+        assert hits["penetration"][0] == pytest.approx(v / rate, rel=near)
     if z > 0.5:  # it presses hardest at the touch
-        assert seen["peak_force"][0] == pytest.approx(c * v, rel=near)
+        assert hits["peak_force"][0] == pytest.approx(c * v, rel=near)
 
 
 def test_the_restitution_of_twenty_percent_damping_is_the_value_of_fifty_digits():
@@ -200,20 +187,20 @@ def test_an_overdamped_stop_lets_go_pushed_in_and_its_force_stays_zero():
     """d = v (exp(slow t) - exp(fast t))/(slow - fast), and d'' = 0 where the force is zero."""
     k, c = 1.0, 10.0
     free = system(1, 0, 0, 1.3, [spring(k, c)])
-    seen = vi.simulate(free, start=vi.State(-1.0, 1.0), periods=3.0, samples_per_period=2000)
+    motion = vi.simulate(free, start=vi.State(-1.0, 1.0), periods=3.0, samples_per_period=2000)
     fast, slow = (-c - math.sqrt(c * c - 4.0 * k)) / 2.0, (-c + math.sqrt(c * c - 4.0 * k)) / 2.0
-    after = seen["time"].values > 1.0 + math.log((fast / slow) ** 2) / (slow - fast)
-    assert (seen["force"].values[after] == 0.0).all()
-    assert seen["displacement"].values[after][0] > 0.0
+    after = motion["time"].values > 1.0 + math.log((fast / slow) ** 2) / (slow - fast)
+    assert (motion["force"].values[after] == 0.0).all()
+    assert motion["displacement"].values[after][0] > 0.0
 
 
 def test_the_half_periods_of_a_free_bilinear_oscillator_are_those_of_its_two_springs(code):
     m, k, more = 2.0, 3.0, 40.0
-    seen = code.impacts(system(m, 0, k, 1.0, [spring(more)]), [-1.0], [0.0], number=6)
+    hits = code.impacts(system(m, 0, k, 1.0, [spring(more)]), [-1.0], [0.0], number=6)
     slow, fast = math.sqrt(k / m), math.sqrt((k + more) / m)
     times = [0.5 * math.pi / slow + i * math.pi * (1 / slow + 1 / fast) for i in range(6)]
-    assert seen["time"] == pytest.approx(times, rel=1e-13)
-    assert seen["velocity"] == pytest.approx([slow] * 6, rel=1e-13)
+    assert hits["time"] == pytest.approx(times, rel=1e-13)
+    assert hits["velocity"] == pytest.approx([slow] * 6, rel=1e-13)
 
 
 def test_a_mass_pressed_on_a_compliant_stop_rests_in_it(code):
@@ -244,9 +231,9 @@ def test_a_stiff_stop_tends_to_the_rigid_one_of_its_restitution(code, z):
 
 
 def test_a_ball_under_a_constant_force_bounces_from_where_it_begins(code):
-    seen = code.impacts(system(1, 0, 0, 1.0, [wall(1, 0.0, 0.5)], constant=[2.0]), [-1.0], [0.0], number=3)
-    assert seen["velocity"] == pytest.approx([2.0, 1.0, 0.5], rel=1e-14)
-    assert seen["time"] == pytest.approx([1.0, 2.0, 2.5], rel=1e-14)
+    hits = code.impacts(system(1, 0, 0, 1.0, [wall(1, 0.0, 0.5)], constant=[2.0]), [-1.0], [0.0], number=3)
+    assert hits["velocity"] == pytest.approx([2.0, 1.0, 0.5], rel=1e-14)
+    assert hits["time"] == pytest.approx([1.0, 2.0, 2.5], rel=1e-14)
 
 
 def test_a_system_without_stops_moves_freely_from_where_it_begins():
@@ -260,8 +247,8 @@ def test_a_system_without_stops_moves_freely_from_where_it_begins():
 @pytest.mark.parametrize("gap", [5.0, 10.0])
 def test_an_undamped_mode_at_resonance_grows_until_it_hits(code, gap):
     """From rest q'' + q = sin t has q = (sin t - t cos t)/2."""
-    seen = code.impacts(system(1, 0, 1, 1.0, [wall(1, gap)], {1: 1.0}), [0.0], [0.0], number=1)
-    (time,), (velocity,) = seen["time"], seen["velocity"]
+    hits = code.impacts(system(1, 0, 1, 1.0, [wall(1, gap)], {1: 1.0}), [0.0], [0.0], number=1)
+    (time,), (velocity,) = hits["time"], hits["velocity"]
     t = np.append(np.linspace(0.0, time - 1e-3, 1000), time)
     displacement = (np.sin(t) - t * np.cos(t)) / 2
     assert displacement[-1] == pytest.approx(gap, rel=1e-12)
@@ -288,12 +275,6 @@ def test_a_moving_stop_takes_a_resting_mass_along_and_throws_it(code):
     assert later(code, table, [0.0, w], 0.0, 5 / 64) == pytest.approx([math.sin(angle), w * math.cos(angle)], rel=1e-12)
 
 
-def chain(n):
-    stiffness = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
-    stiffness[-1, -1] = 1.0
-    return stiffness
-
-
 def clearance_of_the_free_chain(n, damping, time):
     """Return minus the last displacement of a chain from rest under -sin(0.9 t) at its first mass, with 40 digits."""
     with mp.workdps(40):
@@ -318,9 +299,9 @@ def test_a_chain_pulled_at_its_far_end_leaves_the_stop_it_rests_at(code, n, damp
     if isinstance(code, Witness) and n > 3:
         pytest.skip("the witness looks at no derivatives beyond the eighth")
     load, last = np.eye(n)[0], np.eye(n)[-1]
-    pulled = system(np.eye(n), float(damping) * chain(n), chain(n), 0.9, [wall(last, 0.0, 0.7)], {1: -load})
-    seen = code.impacts(pulled, np.zeros(n), np.zeros(n), number=1)
-    time, v = mp.mpf(float(seen["time"][0])), float(seen["velocity"][0])
+    pulled = system(np.eye(n), float(damping) * springs_of(n), springs_of(n), 0.9, [wall(last, 0.0, 0.7)], {1: -load})
+    hits = code.impacts(pulled, np.zeros(n), np.zeros(n), number=1)
+    time, v = mp.mpf(float(hits["time"][0])), float(hits["velocity"][0])
     assert clearance_of_the_free_chain(n, damping, time) == pytest.approx(0.0, abs=1e-13)
     assert all(clearance_of_the_free_chain(n, damping, time * i / 40) > 0 for i in range(20, 40))
     step = 1e-6
@@ -337,12 +318,12 @@ def test_a_stop_is_struck_while_another_is_closed(code):
     carried = system(np.diag([1.0, 2.0]), np.zeros((2, 2)), springs, 1.0, stops, constant=[1.0, 3.0])
     events = code.motion(carried, [0.0, 0.0], [0.0, 1.0]).events
     assert [event[1:] for event in events[:2]] == [("stick", 0), ("impact", 1)]
-    seen, rate = code.impacts(carried, [0.0, 0.0], [0.0, 1.0], number=1), math.sqrt(0.5)
-    (time,), (velocity,) = seen["time"], seen["velocity"]
+    hits, rate = code.impacts(carried, [0.0, 0.0], [0.0, 1.0], number=1), math.sqrt(0.5)
+    (time,), (velocity,) = hits["time"], hits["velocity"]
     assert 3 - 3 * math.cos(rate * time) + math.sin(rate * time) / rate == pytest.approx(1.0, abs=1e-13)
     assert velocity == pytest.approx(3 * rate * math.sin(rate * time) + math.cos(rate * time), rel=1e-13)
     # The struck mass passes on no less than it has: 0 <= P with the held one taking the reaction.
-    assert seen["impulse"] == pytest.approx([2.0 * 1.5 * velocity], rel=1e-13)
+    assert hits["impulse"] == pytest.approx([2.0 * 1.5 * velocity], rel=1e-13)
 
 
 def test_an_impact_can_open_a_closed_stop(code):
@@ -352,8 +333,8 @@ def test_an_impact_can_open_a_closed_stop(code):
     events = code.motion(pair, [0.0, 0.0], [0.0, -2.0], periods=0.25).events
     assert sorted(event[1:] for event in events) == [("impact", 1), ("release", 0), ("stick", 0)]
     assert [time for time, *_ in events] == pytest.approx([0.0, 0.5, 0.5], rel=1e-13)
-    seen = code.impacts(pair, [0.0, 0.0], [0.0, -2.0], number=1)
-    assert (seen["velocity"], seen["impulse"]) == (pytest.approx([2.0], rel=1e-13), pytest.approx([2.0], rel=1e-13))
+    hits = code.impacts(pair, [0.0, 0.0], [0.0, -2.0], number=1)
+    assert (hits["velocity"], hits["impulse"]) == (pytest.approx([2.0], rel=1e-13), pytest.approx([2.0], rel=1e-13))
     (_, _, first, second), more = later(code, pair, [0.0, 0.0, 0.0, -2.0], 0.0, 0.25), 0.5 * math.pi - 0.5
     assert (first, second) == pytest.approx((-2.0 + more, -1.0), rel=1e-12)
 
@@ -371,9 +352,9 @@ def test_a_closed_rigid_stop_bears_what_a_compliant_one_hands_on(code):
     """The first mass is pressed on its rigid stop while the second one is thrown back by a spring between them."""
     stops = [wall([1, 0], 0.0, 0.0), spring(100.0, 0.0, 0.5, [-1, 1])]
     pair = system(np.diag([1.0, 2.0]), np.zeros((2, 2)), np.zeros((2, 2)), 1.0, stops, constant=[1.0, 0.0])
-    seen, lasts = code.impacts(pair, [0.0, 0.0], [0.0, 1.5], number=1), math.pi * math.sqrt(2.0 / 100.0)
-    assert seen["time"] == pytest.approx([1.0 / 3.0], rel=1e-13)
-    assert seen["contact_time"] == pytest.approx([lasts], rel=1e-13)
+    hits, lasts = code.impacts(pair, [0.0, 0.0], [0.0, 1.5], number=1), math.pi * math.sqrt(2.0 / 100.0)
+    assert hits["time"] == pytest.approx([1.0 / 3.0], rel=1e-13)
+    assert hits["contact_time"] == pytest.approx([lasts], rel=1e-13)
     whole, since = code.motion(pair, [0.0, 0.0], [0.0, 1.5], periods=0.25), pair.period / 4 - 1.0 / 3.0 - lasts
     assert [event[1:] for event in whole.events] == [("stick", 0), ("impact", 1)]
     assert whole.state == pytest.approx([0, 0.5 - 1.5 * since, 0, -1.5], abs=1e-12)
@@ -432,8 +413,8 @@ def test_an_impact_on_one_stop_loses_what_its_restitution_says(code, seed):
     model, q, v = drawn(np.random.default_rng([7, seed]))
     model = vi.ImpactSystem(**model.arguments() | {"stops": model.stops[:1]})
     (stop,) = model.stops
-    seen = code.impacts(model, q, v, number=1)
+    hits = code.impacts(model, q, v, number=1)
     struck = 1.0 / (stop.direction @ np.linalg.solve(model.mass, stop.direction))
-    (speed,), (impulse,), (lost,) = seen["velocity"], seen["impulse"], seen["energy_lost"]
+    (speed,), (impulse,), (lost,) = hits["velocity"], hits["impulse"], hits["energy_lost"]
     assert impulse == pytest.approx((1 + stop.restitution) * speed * struck, rel=1e-12)
     assert lost == pytest.approx(struck * speed**2 * (1 - stop.restitution**2) / 2, rel=1e-12)

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from processes import until
 from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.execution import cluster, layout
 from vibroimpact.execution.cluster import connect
@@ -33,10 +34,10 @@ NAMES = ("std", "lyapunov", "n_periods")
 
 
 def sweep(tile=16, **settings):
-    given = {"indices": NAMES, "transient_impacts": 20, "sample_impacts": 60, **AXES, **settings}
+    arguments = {"indices": NAMES, "transient_impacts": 20, "sample_impacts": 60, **AXES, **settings}
     if {"cluster", "store"} & settings.keys():
-        given["tile"] = tile
-    return vi.parameter_map(vi.ImpactOscillator(), **given)
+        arguments["tile"] = tile
+    return vi.parameter_map(vi.ImpactOscillator(), **arguments)
 
 
 def long_sweep(**settings):
@@ -110,9 +111,9 @@ STUDIES = {
 def test_workers_compute_what_one_machine_computes(client, tmp_path, study):
     model, how = STUDIES[study]
     place = {"store": tmp_path / "run.zarr"} if "stored" in study else {}
-    here, there = vi.parameter_map(model(), **how), vi.parameter_map(model(), cluster=client, tile=2, **place, **how)
-    for name in here.data_vars:
-        assert there[name].values.tobytes() == here[name].values.tobytes(), name
+    cells, there = vi.parameter_map(model(), **how), vi.parameter_map(model(), cluster=client, tile=2, **place, **how)
+    for name in cells.data_vars:
+        assert there[name].values.tobytes() == cells[name].values.tobytes(), name
 
 
 @pytest.mark.parametrize("seen", [True, False])
@@ -160,7 +161,7 @@ def test_workers_killed_in_mid_sweep_leave_no_trace_in_the_result(client, long_w
                 os.kill(pid, signal.SIGKILL)
                 kills.append(pid)
                 killed.set()
-                _await(lambda pid=pid: ended.is_set() or pid not in {w["pid"] for w in _workers(client)})
+                until(lambda pid=pid: ended.is_set() or pid not in {w["pid"] for w in _workers(client)})
             ended.wait(rng.uniform(0.02, 0.4))
 
     def report(*told):
@@ -192,13 +193,6 @@ def _workers(client):
 
 def _addresses(dask_scheduler):
     return list(dask_scheduler.workers)
-
-
-def _await(condition, seconds=300):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 @pytest.mark.long
@@ -311,7 +305,7 @@ def test_nothing_that_was_sent_stays_with_the_workers(client):
     before = set(client.run_on_scheduler(_tasks))
     for ended in (False, None):
         sweep(cluster=client, progress=lambda done, total, partial, ended=ended: ended)
-        _await(lambda: not set(client.run_on_scheduler(_tasks)) - before)
+        until(lambda: not set(client.run_on_scheduler(_tasks)) - before)
 
 
 def _tasks(dask_scheduler):
@@ -416,7 +410,7 @@ def test_a_scheduler_that_is_killed_is_told_of(monkeypatch):
     how = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(port)]
     with subprocess.Popen([*how, "--no-dashboard"], stderr=subprocess.DEVNULL) as scheduler:
         try:
-            _await(lambda: _listens(port))
+            until(lambda: _listens(port))
             with connect(f"tcp://127.0.0.1:{port}") as client:
                 threading.Timer(0.5, scheduler.kill).start()
                 with pytest.raises(ConnectionError, match="lost its scheduler"):

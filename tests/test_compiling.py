@@ -17,6 +17,7 @@ import pytest
 from numba.core.event import Event, EventStatus
 
 import vibroimpact as vi
+from processes import python
 from vibroimpact import beside, compiling, progress, warming
 from vibroimpact.execution import threads
 from vibroimpact.execution.threads import worker_count
@@ -26,11 +27,14 @@ COMMAND = [sys.executable, "-m", "vibroimpact"]
 TOLD = re.compile(r"compiling (.+): about (\d+) s, once on this machine")
 
 
+def with_cache(folder):
+    """Return the environment of a process that keeps its kernels in a folder."""
+    return os.environ | {"NUMBA_CACHE_DIR": str(folder)}
+
+
 def run(cache, *arguments):
     """Return what a command says on its error stream, with kernels in a folder."""
-    done = subprocess.run(
-        [*COMMAND, *arguments], env=os.environ | {"NUMBA_CACHE_DIR": str(cache)}, capture_output=True, text=True
-    )
+    done = subprocess.run([*COMMAND, *arguments], env=with_cache(cache), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stderr.splitlines()
 
@@ -56,15 +60,15 @@ def test_a_cache_cut_off_by_a_full_disk_or_by_another_program_is_none(tmp_path):
 
 @pytest.mark.long
 def test_without_a_folder_to_write_to_each_process_compiles_and_says_how_to_change_that():
-    told = [line for line in run("/proc/none", "section") if line.startswith("compiling")]
-    assert len(told) == 1
-    assert "in each process, as /proc/none/" in told[0]
-    assert "NUMBA_CACHE_DIR" in told[0]
+    lines = [line for line in run("/proc/none", "section") if line.startswith("compiling")]
+    assert len(lines) == 1
+    assert "in each process, as /proc/none/" in lines[0]
+    assert "NUMBA_CACHE_DIR" in lines[0]
 
 
 @pytest.mark.long
 def test_two_processes_may_compile_the_same_at_once(tmp_path):
-    where = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    where = with_cache(tmp_path)
     both = [subprocess.Popen([*COMMAND, "section"], env=where, stdout=subprocess.PIPE, text=True) for _ in range(2)]
     said = [process.communicate()[0].partition("computed in")[0] for process in both]
     assert [process.returncode for process in both] == [0, 0]
@@ -78,7 +82,7 @@ def test_ctrl_c_while_compiling_ends_the_process(tmp_path, arguments):
     mine, theirs = pty.openpty()
     process = subprocess.Popen(
         [*COMMAND, *arguments, "--model", "impact_damper"],
-        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+        env=with_cache(tmp_path),
         stdout=theirs, stderr=theirs, stdin=theirs, start_new_session=True,
     )  # fmt: skip
     os.close(theirs)
@@ -102,7 +106,7 @@ def processor_time(process):
 def test_nothing_is_silent_on_a_terminal(tmp_path, arguments):
     """Never for a second of its processor time, with an empty cache: a busy machine may show it later, not it less."""
     mine, theirs = pty.openpty()
-    where = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    where = with_cache(tmp_path)
     process = subprocess.Popen([*COMMAND, *arguments], env=where, stdout=theirs, stderr=theirs, stdin=theirs)
     os.close(theirs)
     said, times = "", [0.0]
@@ -146,8 +150,7 @@ event.register("numba:compile", type("Count", (event.Listener,), {
 def counted(cache, *lines):
     """Return how many functions each of some lines compiles, in one process."""
     counts = "".join(f"before = len(compiled); {line}; print(len(compiled) - before)\n" for line in lines)
-    where = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
-    told = subprocess.run([sys.executable, "-c", COUNT + counts], env=where, capture_output=True, text=True, check=True)
+    told = python(COUNT + counts, env=with_cache(cache))
     return [int(line) for line in told.stdout.splitlines()]
 
 
@@ -182,9 +185,7 @@ def test_what_a_kernel_is_interrupted_at_is_compiled_before_the_interrupt_is_fel
         "except KeyboardInterrupt:\n"
         "    print('felt', len(vi.impact_section(vi.models.impact_damper()).impact) > 0)\n"
     )
-    where = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    done = subprocess.run([sys.executable, "-c", code], env=where, capture_output=True, text=True, check=True)
-    assert done.stdout == "felt True\n"
+    assert python(code, env=with_cache(tmp_path)).stdout == "felt True\n"
 
 
 def test_an_interrupt_that_comes_as_a_kernel_asks_for_a_part_is_felt_later(monkeypatch):
@@ -226,8 +227,8 @@ def test_a_process_that_has_computed_nothing_compiles_any_part():
         "import sys, pickle; from vibroimpact.kernels import deferred; parts = deferred.noted(); print(len(parts))\n"
         "for part in parts: pickle.loads(part); deferred.compile_part(part)"
     )
-    (told,) = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert int(told) > 10
+    (count,) = python(code).stdout.split()
+    assert int(count) > 10
 
 
 def test_garbage_is_looked_for_again_once_nothing_is_compiled(monkeypatch):
@@ -265,7 +266,7 @@ def test_of_two_processes_one_compiles_and_the_other_waits(tmp_path):
         "vi.simulate(vi.ImpactOscillator(), periods=1)\n"
         "print(sum(recorder.record.stats.cache_misses.values()))"
     )
-    where, pipe = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}, subprocess.PIPE
+    where, pipe = with_cache(tmp_path), subprocess.PIPE
     both = [
         subprocess.Popen([sys.executable, "-c", code], env=where, stdin=pipe, stdout=pipe, text=True) for _ in range(2)
     ]
@@ -281,15 +282,21 @@ def test_of_two_processes_one_compiles_and_the_other_waits(tmp_path):
 @pytest.mark.skipif(worker_count(None) < 2, reason="needs a second core")
 def test_beside_a_first_command_a_second_process_compiles_what_a_next_one_needs(tmp_path):
     model = "--model", "two_sided_oscillator"
-    told = [line for line in run(tmp_path, "map", *model, "--x", "frequency=24:26:3") if TOLD.fullmatch(line)]
-    assert any("maps of systems" in line for line in told)
+    lines = [line for line in run(tmp_path, "map", *model, "--x", "frequency=24:26:3") if TOLD.fullmatch(line)]
+    assert any("maps of systems" in line for line in lines)
     assert list(tmp_path.rglob("walk._follow*.nbc"))  # what follows single motions, which a map has no need of
 
 
-def test_a_model_that_cannot_be_handed_on_is_compiled_for_by_its_own_process(monkeypatch):
+@pytest.fixture
+def two_cores(monkeypatch):
+    """Let there be room for a second process, and none yet."""
     monkeypatch.setattr(beside, "_processes", [])
     monkeypatch.setattr(compiling, "watching", [])
     monkeypatch.setattr(threads, "worker_count", lambda workers: 2)
+
+
+@pytest.mark.usefixtures("two_cores")
+def test_a_model_that_cannot_be_handed_on_is_compiled_for_by_its_own_process(monkeypatch):
     monkeypatch.setattr(compiling, "under_way", lambda: "maps")
     beside.compile_beside(lambda: vi.ImpactOscillator(restitution=lambda velocity: 0.5))
     (start,) = compiling.watching
@@ -298,11 +305,9 @@ def test_a_model_that_cannot_be_handed_on_is_compiled_for_by_its_own_process(mon
     assert not compiling.watching
 
 
+@pytest.mark.usefixtures("two_cores")
 def test_one_second_process_at_most_waits_and_none_begins_when_nothing_is_compiled(monkeypatch):
     begun = []
-    monkeypatch.setattr(beside, "_processes", [])
-    monkeypatch.setattr(compiling, "watching", [])
-    monkeypatch.setattr(threads, "worker_count", lambda workers: 2)
     monkeypatch.setattr(
         beside.subprocess, "Popen", lambda *how, **what: begun.append(how) or SimpleNamespace(stdin=None)
     )

@@ -12,13 +12,13 @@ from vibroimpact.model.elements import BLOCKS, KINDS, NUMBERS, bars
 
 
 def spring(**changes):
-    given = {"direction": [0.0, 1.0], "gap": 0.1, "stiffness": 50.0, "damping": 2.0, "name": "spring"}
-    return vi.Stop(**(given | changes))
+    arguments = {"direction": [0.0, 1.0], "gap": 0.1, "stiffness": 50.0, "damping": 2.0, "name": "spring"}
+    return vi.Stop(**(arguments | changes))
 
 
 def between(*stops, **changes):
-    given = {"mass": np.eye(2), "stiffness": np.eye(2), "force": vi.Force(omega=2.0, harmonics={1: [1.0, 0.0]})}
-    return vi.ImpactSystem(**(given | changes), stops=stops)
+    arguments = {"mass": np.eye(2), "stiffness": np.eye(2), "force": vi.Force(omega=2.0, harmonics={1: [1.0, 0.0]})}
+    return vi.ImpactSystem(**(arguments | changes), stops=stops)
 
 
 def test_a_stop_that_gives_has_stiffness_and_damping_where_a_rigid_one_has_restitution():
@@ -120,8 +120,8 @@ def test_a_stop_bars_the_way_in_a_table_as_its_kind_says(name):
 @pytest.mark.parametrize("name", STOPS)
 def test_the_sensitivity_of_a_contact_is_the_derivative_of_the_speed_that_it_leaves(name):
     element, v, step = STOPS[name].element, 1.3, 1e-5
-    left = [speed * element.rebound(speed) for speed in (v - step, v + step)]
-    assert element.sensitivity(v) == pytest.approx((left[1] - left[0]) / (2.0 * step), rel=1e-8)
+    rebounds = [speed * element.rebound(speed) for speed in (v - step, v + step)]
+    assert element.sensitivity(v) == pytest.approx((rebounds[1] - rebounds[0]) / (2.0 * step), rel=1e-8)
 
 
 @pytest.mark.parametrize("name", STOPS)

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import vibroimpact as vi
-from vibroimpact.continuation import continue_boundary, continue_orbit, switch_branch
+from contents import special_points
 
 KELVIN_VOIGT = 0.571740027585  # restitution of z = 0.2, let go where the force is zero
 
@@ -68,10 +68,6 @@ def chain_on_two_stops():
     )
 
 
-def specials(branch, kind):
-    return sorted(point.value for point in branch.special if point.kind == kind)
-
-
 def of_one_stop(found):
     return next(orbit for orbit in found if orbit.stable)
 
@@ -81,19 +77,21 @@ def of_one_stop(found):
 
 @pytest.fixture(scope="module")
 def branch():
-    return continue_orbit(vi.find_orbit(two_masses)[0], "omega", (0.6, 0.8))
+    return vi.continue_orbit(vi.find_orbit(two_masses)[0], "omega", (0.6, 0.8))
 
 
 @pytest.mark.long
 def test_two_masses_on_a_one_sided_spring_double_and_fold_where_it_is_known(branch):
-    assert specials(branch, "period_doubling") == pytest.approx([0.7387830254, 0.7555861594], abs=1e-10)
-    assert specials(branch, "fold") == pytest.approx([0.7556273526], abs=1e-10)
+    assert sorted(point.value for point in special_points(branch, "period_doubling")) == pytest.approx(
+        [0.7387830254, 0.7555861594], abs=1e-10
+    )
+    assert sorted(point.value for point in special_points(branch, "fold")) == pytest.approx([0.7556273526], abs=1e-10)
     assert max(point.residual for point in branch.special) < 1e-12
 
 
 @pytest.mark.long
 def test_two_masses_on_a_one_sided_spring_have_a_neimark_sacker_point(branch):
-    (point,) = (point for point in branch.special if point.kind == "neimark_sacker")
+    (point,) = special_points(branch, "neimark_sacker")
     first, second = point.orbit.multipliers[:2]
     assert abs(first) == pytest.approx(1.0, abs=1e-12)
     assert first == second.conjugate()
@@ -104,7 +102,7 @@ def test_two_masses_on_a_one_sided_spring_have_a_neimark_sacker_point(branch):
 @pytest.mark.long
 def test_two_masses_on_a_one_sided_spring_swing_farthest_where_it_is_known():
     # There the constant part counts half: sqrt(q_0^2/2 + sum |q_h|^2/2) of the displacement.
-    found = continue_orbit(vi.find_orbit(two_masses.replace(omega=0.754))[0], "omega", (0.7525, 0.7552), step=0.02)
+    found = vi.continue_orbit(vi.find_orbit(two_masses.replace(omega=0.754))[0], "omega", (0.7525, 0.7552), step=0.02)
     swings = []
     for orbit in found.orbits:
         displacement, _, _ = orbit.motion(np.linspace(0.0, orbit.period, 512, endpoint=False))
@@ -116,7 +114,7 @@ def test_two_masses_on_a_one_sided_spring_swing_farthest_where_it_is_known():
 
 @pytest.mark.long
 def test_a_contact_is_born_where_the_motion_without_stops_swings_as_far_as_the_gap(branch):
-    (point,) = (point for point in branch.special if point.kind == "grazing")
+    (point,) = special_points(branch, "grazing")
     system, omega = two_masses.at(), point.value
     dynamic = system.stiffness - omega**2 * system.mass + 1j * omega * system.damping
     assert abs(np.linalg.solve(dynamic, [0.0, 0.1])[0]) == pytest.approx(1.0, abs=1e-13)
@@ -129,8 +127,8 @@ def test_a_contact_is_born_where_the_motion_without_stops_swings_as_far_as_the_g
 @pytest.mark.long
 def test_without_damping_multipliers_go_on_beyond_a_graze():
     begin = of_one_stop(vi.find_orbit(between.replace(below=1.4, gap=0.2, omega=2.0, stiffness=100.0), stops="above"))
-    found = continue_orbit(begin, "below", (1.0, 1.5))
-    (graze,) = (point for point in found.special if point.kind == "grazing")
+    found = vi.continue_orbit(begin, "below", (1.0, 1.5))
+    (graze,) = special_points(found, "grazing")
     born = next(
         orbit for orbit in found.orbits if orbit.n_impacts == 2 and abs(orbit.value("below") - graze.value) < 1e-5
     )
@@ -146,8 +144,8 @@ def test_without_damping_multipliers_go_on_beyond_a_graze():
 def one_mass(omega, force, gap, spring, **changes):
     """Return one mass in front of one compliant stop."""
     stops = [vi.Stop(direction=1, gap=gap, stiffness=spring)]
-    given = {"mass": 1.0, "stiffness": 1.0, "force": vi.Force(omega=omega, harmonics={1: force}), "stops": stops}
-    return vi.ImpactSystem(**given | changes)
+    arguments = {"mass": 1.0, "stiffness": 1.0, "force": vi.Force(omega=omega, harmonics={1: force}), "stops": stops}
+    return vi.ImpactSystem(**arguments | changes)
 
 
 LIGHTEST = one_mass(0.70799343999615 * (1.0 + 3e-5), 1.0, 2.0, 10.0, damping=0.05)
@@ -204,8 +202,8 @@ def test_both_orbits_of_a_resonance_are_found_for_ever_less_damping():
 def test_orbits_of_a_stiff_undamped_stop_are_found_and_the_durations_left_out_are_told():
     (orbit,) = vi.find_orbit(bilinear(1e7, 0.0))
     assert 0.0 < orbit.contacts[0].contact_time < 0.002
-    told = vi.find_orbit(bilinear(1e7, 0.0, force=vi.Force(omega=2.0, harmonics={1: 0.1}))).message
-    assert "some may be missed" in told
+    message = vi.find_orbit(bilinear(1e7, 0.0, force=vi.Force(omega=2.0, harmonics={1: 0.1}))).message
+    assert "some may be missed" in message
 
 
 def a_random_design(rng):
@@ -237,10 +235,10 @@ def test_every_motion_of_one_contact_that_a_sweep_of_the_gap_meets_is_found(part
         design, swing = a_random_design(rng)
         gaps = swing * np.linspace(0.3, 1.3, 12)
         for direction in ("up", "down"):
-            seen = vi.bifurcation_diagram(
+            diagram = vi.bifurcation_diagram(
                 design, direction=direction, transient_impacts=300, sample_impacts=4, gap=gaps
             )
-            for gap, velocities, stops in zip(gaps, seen["velocity"].values, seen["stop"].values, strict=True):
+            for gap, velocities, stops in zip(gaps, diagram["velocity"].values, diagram["stop"].values, strict=True):
                 if np.isnan(velocities).any() or np.ptp(velocities) > 1e-9 * velocities[0] or np.ptp(stops):
                     continue
                 met += 1
@@ -395,12 +393,12 @@ def test_what_random_motions_settle_to_is_an_orbit_with_the_same_velocities_and_
         else:
             continue
         repeating += 1
-        found = vi.find_orbit(system, n_periods=n, n_impacts=p)
-        orbit = next(one for one in found if one.stable and one.admissible)
+        orbits = vi.find_orbit(system, n_periods=n, n_impacts=p)
+        orbit = next(one for one in orbits if one.stable and one.admissible)
         for name in ("velocity", "impulse"):
             expected = np.sort(hits[name].values[-1 - p : -1])
-            own = np.sort(orbit.velocities if name == "velocity" else orbit.impulses)
-            assert own == pytest.approx(expected, rel=1e-6), system
+            values = np.sort(orbit.velocities if name == "velocity" else orbit.impulses)
+            assert values == pytest.approx(expected, rel=1e-6), system
         assert np.prod(orbit.multipliers).real == pytest.approx(orbit.determinant, abs=1e-9)
     assert repeating >= 15
 
@@ -464,13 +462,13 @@ def test_the_closed_form_of_a_rigid_stop_stays_beside_a_stop_that_gives():
 @pytest.fixture(scope="module")
 def symmetric():
     (orbit,) = vi.find_orbit(between, stops="above", symmetric=True)
-    return continue_orbit(orbit, "omega", (1.8, 3.2), step=0.05)
+    return vi.continue_orbit(orbit, "omega", (1.8, 3.2), step=0.05)
 
 
 def test_between_two_equal_springs_twins_are_born_at_a_pitchfork(symmetric):
-    (point,) = (point for point in symmetric.special if point.kind == "pitchfork")
+    (point,) = special_points(symmetric, "pitchfork")
     assert min(abs(value + 1.0) for value in point.orbit.half_multipliers) < 1e-10
-    twin = switch_branch(point)
+    twin = vi.switch_branch(point)
     assert not twin.symmetric
     assert twin.n_periods == 1
     assert twin.velocities[0] != pytest.approx(twin.velocities[1], rel=1e-6)
@@ -480,8 +478,8 @@ def test_between_two_equal_springs_twins_are_born_at_a_pitchfork(symmetric):
 
 
 def test_a_curve_of_pitchforks_is_followed_over_the_gap(symmetric):
-    (point,) = (point for point in symmetric.special if point.kind == "pitchfork")
-    curve = continue_boundary(point, ("omega", "stiffness"), ((2.0, 2.3), (25.0, 35.0)), step=0.1)
+    (point,) = special_points(symmetric, "pitchfork")
+    curve = vi.continue_boundary(point, ("omega", "stiffness"), ((2.0, 2.3), (25.0, 35.0)), step=0.1)
     assert curve.kind == "pitchfork"
     assert max(curve.residuals) < 1e-10
 
@@ -491,7 +489,7 @@ def test_a_curve_of_pitchforks_is_followed_over_the_gap(symmetric):
 def test_every_boundary_is_a_ray_of_force_over_gap(branch, number):
     # Motion in units of the gap depends on the force over the gap alone.
     point = branch.special[number]
-    curve = continue_boundary(point, ("gap", "push"), ((0.5, 2.0), (0.05, 0.2)), step=0.05)
+    curve = vi.continue_boundary(point, ("gap", "push"), ((0.5, 2.0), (0.05, 0.2)), step=0.05)
     assert curve.kind == point.kind
     ratios = [orbit.value("push") / orbit.value("gap") for orbit in curve.orbits]
     assert ratios == pytest.approx([0.1] * len(ratios), rel=1e-11)
@@ -502,13 +500,13 @@ def test_every_boundary_is_a_ray_of_force_over_gap(branch, number):
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["neimark_sacker", "fold"])
 def test_a_boundary_passes_through_the_special_points_of_a_branch_beside(branch, kind):
-    point = next(point for point in branch.special if point.kind == kind)
-    curve = continue_boundary(point, ("omega", "gap"), ((0.6, 0.8), (0.9, 1.1)), step=0.05)
+    point = special_points(branch, kind)[0]
+    curve = vi.continue_boundary(point, ("omega", "gap"), ((0.6, 0.8), (0.9, 1.1)), step=0.05)
     beside = min(curve.orbits, key=lambda orbit: abs(orbit.value("gap") - 0.95))
     model, omega = two_masses.replace(gap=beside.value("gap")), beside.value("omega")
     start = vi.find_orbit(model.replace(omega=omega - 0.002), stops=beside.stops, near=beside)[0]
-    crossing = continue_orbit(start, "omega", (omega - 0.004, omega + 0.002))
-    assert min(abs(value - omega) for value in specials(crossing, kind)) < 1e-10
+    crossing = vi.continue_orbit(start, "omega", (omega - 0.004, omega + 0.002))
+    assert min(abs(point.value - omega) for point in special_points(crossing, kind)) < 1e-10
 
 
 @pytest.mark.long
@@ -524,7 +522,7 @@ def test_the_boundaries_of_a_plane_are_found_without_a_guess():
     assert rays["grazing"] == pytest.approx([steady] * len(rays["grazing"]), rel=1e-12)
     (doubling,) = (
         point
-        for point in continue_orbit(vi.find_orbit(one)[0], "gap", (0.04, 0.06)).special
+        for point in vi.continue_orbit(vi.find_orbit(one)[0], "gap", (0.04, 0.06)).special
         if point.kind == "period_doubling"
     )
     assert rays["period_doubling"] == pytest.approx([doubling.value] * len(rays["period_doubling"]), rel=1e-10)
@@ -560,16 +558,16 @@ def test_equal_springs_on_both_sides_are_mirror_images_and_others_are_not():
 
 
 def test_a_verdict_tells_how_hard_how_long_and_how_deep_the_hardest_contact_is():
-    told = str(vi.describe(bilinear(), parameters=[]))
+    text = str(vi.describe(bilinear(), parameters=[]))
     (orbit,) = vi.find_orbit(bilinear())
     (contact,) = orbit.contacts
-    assert f"largest force {contact.peak_force:.4g} N, which pushes for {contact.contact_time:.4g} s" in told
-    assert f"pressed in by {contact.penetration:.4g} m" in told
+    assert f"largest force {contact.peak_force:.4g} N, which pushes for {contact.contact_time:.4g} s" in text
+    assert f"pressed in by {contact.penetration:.4g} m" in text
 
 
 def test_a_mass_that_never_leaves_a_spring_is_not_said_to_rest():
     spring = vi.Stop(direction=1, gap=-0.3, stiffness=100.0, damping=1.0, name="above")
-    held = bilinear(stops=[spring], force=vi.Force(omega=2.0, harmonics={1: 0.1}))
-    told = str(vi.describe(held, parameters=[]))
-    assert "pressed into above" in told
-    assert "at rest at" not in told
+    resting = bilinear(stops=[spring], force=vi.Force(omega=2.0, harmonics={1: 0.1}))
+    text = str(vi.describe(resting, parameters=[]))
+    assert "pressed into above" in text
+    assert "at rest at" not in text

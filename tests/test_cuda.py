@@ -151,10 +151,10 @@ def test_on_the_command_line_a_missing_gpu_is_a_wrong_request(tmp_path, capsys):
 
     out = tmp_path / "map.nc"
     code = main(["map", "--x", "omega=1:2:2", "--backend", "cuda", "--out", str(out)])
-    told = capsys.readouterr().err
+    complaint = capsys.readouterr().err
     assert code == 2
-    assert told.count("\n") == 1
-    assert "'cuda' cannot be used here" in told
+    assert complaint.count("\n") == 1
+    assert "'cuda' cannot be used here" in complaint
     assert not out.exists()
 
 

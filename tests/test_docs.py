@@ -14,7 +14,6 @@ import pytest
 import vibroimpact as vi
 from fenced import ROOT, blocks, table
 from vibroimpact.dataset import VARIABLES
-from vibroimpact.status import Status
 
 DOCS = ROOT / "docs"
 PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("[a-z]*/**/*.md"), *ROOT.glob("*.md")])
@@ -116,9 +115,9 @@ def test_speeds_that_pages_state_are_those_of_the_last_benchmark():
 
 def test_the_description_in_the_readme_is_what_describe_prints():
     shown = (ROOT / "README.md").read_text().partition("$ vibroimpact describe -p omega=2.6\n")[2].partition("```")[0]
-    told = str(vi.describe(vi.ImpactOscillator(omega=2.6))).splitlines()
+    lines = str(vi.describe(vi.ImpactOscillator(omega=2.6))).splitlines()
     assert shown
-    assert set(shown.splitlines()) <= set(told)
+    assert set(shown.splitlines()) <= set(lines)
 
 
 @pytest.mark.parametrize("name", MODULES)
@@ -139,8 +138,8 @@ def test_every_public_function_has_an_example():
 
 def test_the_statuses_of_the_model_page_are_those_of_the_code():
     rows = table(DOCS / "theory" / "equations.md", "| code | `status`")
-    assert rows == [[str(s.value), s.word, s.sentence.replace("`", "")] for s in Status]
-    assert [s.has_indices for s in Status] == [True] * 4 + [False] * 7  # "the first four"
+    assert rows == [[str(s.value), s.word, s.sentence.replace("`", "")] for s in vi.Status]
+    assert [s.has_indices for s in vi.Status] == [True] * 4 + [False] * 7  # "the first four"
 
 
 def test_the_glossary_has_the_words_symbols_and_units_of_results():

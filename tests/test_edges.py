@@ -11,7 +11,6 @@ from designs import random_designs
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence.measuring import Runner, cells_of, orbit_cells, spread_cells
 from vibroimpact.motion import MotionClass
-from vibroimpact.verdict import describe
 from vibroimpact.verdict.boundaries import nearest_boundaries
 from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.present import coexisting_motions, present_motion
@@ -183,9 +182,9 @@ def many(osc):
 
 def lasting(cells, runner):
     motions = runner.measure(cells, SEEN)
-    left = np.array([i for i, motion in enumerate(motions) if hits(motion) and not motion.n_periods], int)
-    if left.size:
-        for i, motion in zip(left, runner.measure(cells[left], LATEST), strict=True):
+    unnamed = np.array([i for i, motion in enumerate(motions) if hits(motion) and not motion.n_periods], int)
+    if unnamed.size:
+        for i, motion in zip(unnamed, runner.measure(cells[unnamed], LATEST), strict=True):
             motions[i] = motion
     return motions
 
@@ -202,7 +201,7 @@ def wrong_edges(osc, parameters, runner):
 @pytest.fixture(scope="module")
 def quiet():
     """A design of which the steady motion first touches the stop at three times the force, f = |k - m w^2| g."""
-    return describe(vi.ImpactOscillator(omega=2.0, gap=1.0), parameters=["amplitude", "omega"])
+    return vi.describe(vi.ImpactOscillator(omega=2.0, gap=1.0), parameters=["amplitude", "omega"])
 
 
 def test_a_motion_without_impacts_has_an_edge_from_rest_and_one_from_anywhere(quiet):
@@ -232,7 +231,7 @@ def test_that_others_hit_already_is_said_with_their_share():
     tube = vi.ImpactOscillator(
         mass=2.1, stiffness=26860.0, damping_ratio=0.01, amplitude=5.0, restitution=0.7, gap=0.5e-3, frequency=25.0
     )
-    verdict = describe(tube, parameters=["gap"])
+    verdict = vi.describe(tube, parameters=["gap"])
     assert verdict.kind == "no_impact"
     hitting = sum(one.share for one in verdict.attractors if one.max_velocity)
     assert hitting > 0.8
@@ -241,7 +240,7 @@ def test_that_others_hit_already_is_said_with_their_share():
 
 
 def test_a_bisected_edge_says_how_far_apart_the_values_were():
-    verdict = describe(vi.ImpactOscillator(omega=2.8), parameters=["omega"])
+    verdict = vi.describe(vi.ImpactOscillator(omega=2.8), parameters=["omega"])
     for edge in verdict.boundaries:
         assert edge.kind == "change"
         assert 0.0 < edge.spacing < 0.06
@@ -252,7 +251,7 @@ def test_a_bisected_edge_says_how_far_apart_the_values_were():
 @pytest.mark.long
 def test_a_motion_that_settles_slowly_is_no_boundary_to_itself():
     slow = vi.ImpactOscillator(damping=0.0181, omega=0.93, restitution=0.898, gap=3.77)
-    verdict = describe(slow, parameters=["omega"])
+    verdict = vi.describe(slow, parameters=["omega"])
     assert verdict.motion.name == "period-3 impact-1"
     assert all(edge.beyond != "period-3 impact-1" for edge in verdict.boundaries)
     assert all(edge.exact for edge in verdict.boundaries)
@@ -261,7 +260,7 @@ def test_a_motion_that_settles_slowly_is_no_boundary_to_itself():
 def test_a_resonance_narrower_than_any_step_is_not_stepped_over():
     """R = f / |k - m w^2|, and 1000 or more within 0.05 % of the resonance alone."""
     osc = vi.ImpactOscillator(damping_ratio=1e-4, omega=3.0, gap=1000.0)
-    down, _ = describe(osc, parameters=["omega"]).boundaries
+    down, _ = vi.describe(osc, parameters=["omega"]).boundaries
     assert down.kind == "first_contact"
     assert down.value == pytest.approx(math.sqrt(1.001), rel=1e-4)
 

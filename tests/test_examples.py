@@ -55,5 +55,5 @@ def test_shell_lines_run_and_print_what_the_page_shows(page, tmp_path, capsys):
         program, *arguments = shlex.split(line)
         assert program == "vibroimpact"
         assert main(arguments) == 0, line
-        told = capsys.readouterr().out.splitlines()
-        assert [text for text in told if not text.startswith(("computed in", "wrote"))] == output
+        lines = capsys.readouterr().out.splitlines()
+        assert [text for text in lines if not text.startswith(("computed in", "wrote"))] == output

@@ -5,18 +5,19 @@ from dataclasses import replace
 
 import pytest
 
+import vibroimpact as vi
+
 pytest.importorskip("tornado", reason="needs the extra [web]")
 
+from explorers import received
 from vibroimpact.explorer.address import BY_NAME, PRESETS
 from vibroimpact.explorer.controls import TICKS, Commands, Controls
 from vibroimpact.explorer.point import Other
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import View
-from vibroimpact.model import State
-from vibroimpact.model.oscillator import ImpactOscillator
 
 MOVED = View(
-    osc=ImpactOscillator(omega=2.5, damping=3.0, gap=-0.1), x="gap", y="restitution", x_range=(-1.0, 0.0),
+    osc=vi.ImpactOscillator(omega=2.5, damping=3.0, gap=-0.1), x="gap", y="restitution", x_range=(-1.0, 0.0),
     y_range=(0.1, 0.99), index="motion", log=True, line="y", samples=2000, boundaries=True, settled=False, worst=True,
 )  # fmt: skip
 
@@ -24,8 +25,8 @@ MOVED = View(
 class Idle(Explorer):
     """A session that computes nothing."""
 
-    def __init__(self, received):
-        super().__init__(listener=received.extend)
+    def __init__(self, heard):
+        super().__init__(listener=heard.extend)
         self._work.close()
 
     @property
@@ -34,13 +35,8 @@ class Idle(Explorer):
 
 
 @pytest.fixture
-def received():
-    return []
-
-
-@pytest.fixture
-def controls(received):
-    explorer = Idle(received)
+def controls(heard):
+    explorer = Idle(heard)
     yield Controls(explorer)
     explorer._work.pool.close()
 
@@ -49,7 +45,7 @@ def shown(controls):
     """Return the view that the controls show."""
     menus = {name: menu.value for name, menu in controls.menus().items()}
     return View(
-        osc=ImpactOscillator(**{name: value for name, (value, low, high) in controls.rows().items()}),
+        osc=vi.ImpactOscillator(**{name: value for name, (value, low, high) in controls.rows().items()}),
         x=menus["x"], y=menus["y"], index=menus["index"], line=menus["line"], samples=int(menus["samples"]),
         x_range=controls.explorer.view.x_range, y_range=controls.explorer.view.y_range,
         **{name: getattr(controls.explorer.view, name) for name in TICKS},
@@ -84,23 +80,23 @@ def test_menus_tell_the_session_what_was_chosen(commands, controls):
 @pytest.mark.parametrize(("menu", "value"), [
     ("samples", "five"), ("samples", "²"), ("samples", "9" * 5000), ("index", "__class__"), ("line", ""),
 ])  # fmt: skip
-def test_a_menu_with_a_value_that_it_does_not_offer_is_answered_and_put_back(commands, controls, received, menu, value):
+def test_a_menu_with_a_value_that_it_does_not_offer_is_answered_and_put_back(commands, controls, heard, menu, value):
     before = controls.explorer.view
     commands.run(f"choose {menu} {value} 5")
     assert controls.explorer.view == before
-    assert any(what == "message" and f"`{menu}` must be one of" in content for what, content in received)
-    assert received[-1] == ("view", before)
+    assert any(f"`{menu}` must be one of" in message for message in received(heard, "message"))
+    assert heard[-1] == ("view", before)
     assert commands.last == 5
     assert chosen(controls, menu) == str(getattr(before, menu))
 
 
-def test_axes_cases_and_starts_that_are_not_offered_change_nothing(commands, controls, received):
+def test_axes_cases_and_starts_that_are_not_offered_change_nothing(commands, controls, heard):
     before = controls.explorer.view
     for text in ("choose x colour 1", "choose start ² 2", "choose start 17 3", "choose case model:../../etc 4",
                  "choose case nobody's 5", "choose colour red 6", "choose 7", "choose"):  # fmt: skip
         commands.run(text)
     assert controls.explorer.view == before
-    assert received[-1] == ("view", before)
+    assert heard[-1] == ("view", before)
 
 
 def test_choosing_a_case_sets_everything_and_undo_takes_it_back(commands, controls):
@@ -138,7 +134,7 @@ def test_the_whole_plane_of_a_link_is_at_least_what_it_shows(controls):
 
 
 def test_the_start_in_the_menu_is_the_one_of_the_view(commands, controls):
-    other = Other("period-3 impact-4", 0.14, 1.0, State(0.0, 1.5, 0.25))
+    other = Other("period-3 impact-4", 0.14, 1.0, vi.State(0.0, 1.5, 0.25))
     explorer = controls.explorer
     explorer.others = [other]
     assert controls.menus()["start"].options == [("rest", "at rest"), ("0", "on period-3 impact-4 (14 %)")]
@@ -154,8 +150,8 @@ def test_the_start_in_the_menu_is_the_one_of_the_view(commands, controls):
 
 
 @pytest.fixture
-def commands(controls, received):
-    return Commands(controls.explorer, controls, received.append)
+def commands(controls, heard):
+    return Commands(controls.explorer, controls, heard.append)
 
 
 def test_a_typed_number_is_taken_as_typed_and_a_slid_one_with_the_digits_that_a_slider_tells_apart(commands, controls):
@@ -178,13 +174,13 @@ def test_a_typed_number_is_taken_as_typed_and_a_slid_one_with_the_digits_that_a_
 @pytest.mark.parametrize(
     "text", ["", "nan", "inf", "1e400", "1e300", "-1", "1,5", "1 5", "1_0", "١", "heavy", "9" * 5000]
 )
-def test_what_is_typed_and_no_mass_is_answered_and_put_back(commands, controls, received, text):
+def test_what_is_typed_and_no_mass_is_answered_and_put_back(commands, controls, heard, text):
     commands.run(f"type mass {text} 7")
     assert controls.explorer.view == View()
-    (complaint,) = [content for what, content in received if what == "message"]
+    (complaint,) = received(heard, "message")
     assert re.match("`mass` must (be|have) .*, got ", complaint)
     assert len(complaint) < 300
-    assert received[-1] == ("view", View())
+    assert heard[-1] == ("view", View())
     assert commands.last == 7
 
 
@@ -224,6 +220,6 @@ def test_every_key_does_what_the_help_says(commands, controls):
     assert explorer.view.osc.mass == 2.5
 
 
-def test_the_kind_of_file_that_is_asked_for_is_passed_on(commands, received):
+def test_the_kind_of_file_that_is_asked_for_is_passed_on(commands, heard):
     commands.run("export csv 3")
-    assert received == ["csv"]
+    assert heard == ["csv"]

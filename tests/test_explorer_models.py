@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from explorers import received
 from vibroimpact.explorer.address import from_query, keys, ranges_for, to_query
 from vibroimpact.explorer.limits import budget, stiffness
 from vibroimpact.explorer.models import find_ready_made, finder, first_view, open_model, usual_range
-from vibroimpact.explorer.plane import SIDES, TRANSIENT, Plane, lattice, sides
+from vibroimpact.explorer.plane import SIDES, TRANSIENT, lattice, sides
 from vibroimpact.explorer.point import compute_point
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import View, parameter_label, table
@@ -98,10 +99,10 @@ def test_the_motion_shown_of_a_system_stays_between_its_walls_and_touches_them_a
         room = wall.side * (point.shown.place(wall, time) - y)
         assert room.min() >= -1e-9 * np.abs(y).max()
     touched = point.places(point.impacts["stop"], point.impacts["time"])
-    here = ~np.isnan(touched)
-    assert here.any()
-    at = np.searchsorted(time, point.impacts["time"][here])
-    assert y[at] == pytest.approx(touched[here], abs=1e-12 * np.abs(y).max())
+    struck = ~np.isnan(touched)
+    assert struck.any()
+    at = np.searchsorted(time, point.impacts["time"][struck])
+    assert y[at] == pytest.approx(touched[struck], abs=1e-12 * np.abs(y).max())
 
 
 def test_the_numbers_of_a_point_are_those_of_parameter_map():
@@ -141,8 +142,7 @@ def test_lattices_hold_the_coarser_ones_also_those_of_systems():
 
 
 @pytest.mark.long
-def test_a_system_is_explored_with_its_pins_diagram_and_undo():
-    heard = []
+def test_a_system_is_explored_with_its_pins_diagram_and_undo(heard):
     view = replace(of("two_sided_oscillator"), samples=200)
     explorer = Explorer(view, listener=heard.extend)
     explorer.start()
@@ -163,16 +163,15 @@ def test_a_system_is_explored_with_its_pins_diagram_and_undo():
     explorer.close()
 
 
-def test_a_combination_that_raises_is_refused_with_its_place_and_the_page_goes_on():
-    heard = []
+def test_a_combination_that_raises_is_refused_with_its_place_and_the_page_goes_on(heard):
     explorer = Explorer(open_model(shaker, "shaker")[0], listener=heard.extend)
     assert explorer.view.y_range[1] == pytest.approx(1.2, rel=1e-3)  # as far as it can be made
     before = explorer.view
     assert not explorer.set_parameter("clearance_mm", 1.3)
-    (told,) = [content for what, content in heard if what == "message"]
-    assert "shaker fails at" in told
+    (message,) = received(heard, "message")
+    assert "shaker fails at" in message
     line = shaker.function.__code__.co_firstlineno + 4
-    assert f"RuntimeError: the shaker has no room (test_explorer_models.py, line {line})" in told
+    assert f"RuntimeError: the shaker has no room (test_explorer_models.py, line {line})" in message
     assert explorer.view == before
     assert explorer.set_parameter("clearance_mm", 0.6)
     explorer.close()
@@ -189,11 +188,11 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize(("text", "told"), REFUSED.items())
-def test_a_model_file_is_refused_in_one_line_that_tells_its_own(tmp_path, monkeypatch, text, told):
+@pytest.mark.parametrize(("text", "words"), REFUSED.items())
+def test_a_model_file_is_refused_in_one_line_that_tells_its_own(tmp_path, monkeypatch, text, words):
     monkeypatch.setattr("sys.path", [*__import__("sys").path])
     (tmp_path / "mine.py").write_text(text)
-    with pytest.raises(ValueError, match=told) as refused:
+    with pytest.raises(ValueError, match=words) as refused:
         load_model(f"{tmp_path}/mine.py:shaker")
     assert "\n" not in str(refused.value)
 
@@ -211,10 +210,6 @@ def test_symbols_that_an_address_needs_for_itself_are_no_keys():
         return vi.ImpactOscillator(omega=x, amplitude=start, gap=gap)
 
     assert list(keys(odd)) == ["x_", "start_", "gap"]
-
-
-def test_what_no_cell_was_computed_of_is_no_plane():
-    assert Plane.unknown(of("two_sided_oscillator")).side == 0
 
 
 def test_a_notebook_has_the_page_below_its_cell_and_no_other_site_has():

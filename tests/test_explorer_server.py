@@ -52,13 +52,13 @@ class Served:
         connection.close()
         return answer, text
 
-    async def enter(self, query=QUERY):
-        """Return the websocket of a tab."""
+    async def enter(self, query=QUERY, origin="http://localhost:{}"):
+        """Return the websocket of a tab, of a page of some origin."""
         from tornado.httpclient import HTTPRequest
         from tornado.websocket import websocket_connect
 
         place = f"localhost:{self.port}"
-        request = HTTPRequest(f"ws://{place}/ws?{query}", headers={"Origin": f"http://{place}"})
+        request = HTTPRequest(f"ws://{place}/ws?{query}", headers={"Origin": origin.format(self.port)})
         return await websocket_connect(request, max_message_size=1 << 28)
 
 
@@ -78,6 +78,14 @@ async def _parts(tab):
         return np.frombuffer(message, kind, size, begin + place)
 
     return dict(json.loads(message[4:begin], object_hook=numbers, parse_constant=pytest.fail))
+
+
+async def _heard(tab, *kinds):
+    """Return the parts of messages until all that are waited for have come."""
+    parts = {}
+    while not parts.keys() >= {*kinds}:
+        parts |= await _parts(tab)
+    return parts
 
 
 async def _leave(tab):
@@ -132,13 +140,43 @@ def test_a_host_that_is_not_this_machine_is_refused(served, host):
     assert served.get(Host=f"LOCALHOST:{served.port}")[0].status == 200
 
 
+def test_other_pages_may_not_open_the_websocket(served):
+    from tornado.httpclient import HTTPClientError
+
+    with pytest.raises(HTTPClientError) as refused:
+        asyncio.run(served.enter(origin="http://evil.example"))
+    assert refused.value.code == 403
+    assert not served.made
+
+
+def test_the_server_listens_on_loopback_alone():
+    from vibroimpact.explorer import check_host, is_loopback, origins
+
+    assert is_loopback(check_host("localhost"))
+    assert origins("127.0.0.1", 5006) == ["127.0.0.1:5006", "localhost:5006"]
+
+
+def test_a_host_that_lets_others_in_is_warned_of(capsys):
+    from vibroimpact.explorer import check_host
+
+    assert check_host("0.0.0.0") == "0.0.0.0"
+    assert "anyone" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="`host`"):
+        check_host("no such machine")
+
+
+def test_a_port_that_is_taken_is_refused_in_words(served):
+    from vibroimpact.explorer import make_server
+
+    for port in (served.port, 70_000, -1):
+        with pytest.raises(ValueError, match="`port`"):
+            make_server(port=port)
+
+
 def test_work_begins_when_a_tab_enters_and_ends_when_it_is_closed_without_a_word_in_the_log(served, caplog):
     async def visit():
         tab = await served.enter()
-        parts = {}
-        while "marks" not in parts:
-            parts |= await _parts(tab)
-        assert parts["marks"]["x"] == 2.0
+        assert (await _heard(tab, "marks"))["marks"]["x"] == 2.0
         assert len(served.made) == 1
         await tab.write_message("type omega 2.1 1")
         await _until(lambda: served.begun[0].view.osc.omega == 2.1)
@@ -271,10 +309,7 @@ def test_one_page_too_many_is_answered_and_makes_none(served, monkeypatch):
 def test_an_address_that_cannot_be_read_is_answered_and_the_default_shown(served):
     async def visit():
         tab = await served.enter("m=heavy")
-        parts = {}
-        while "message" not in parts or "marks" not in parts:
-            parts |= await _parts(tab)
-        assert "This link cannot be shown" in parts["message"]["text"]
+        assert "This link cannot be shown" in (await _heard(tab, "message", "marks"))["message"]["text"]
         await _leave(tab)
 
     asyncio.run(visit())
@@ -289,9 +324,7 @@ def test_a_page_whose_picture_fails_goes_on_with_the_next(served, monkeypatch, c
         page.receive([("rest", None)])
         await _until(lambda: caplog.records)
         page.receive([("message", "still here")])
-        parts = {}
-        while "message" not in parts:
-            parts |= await _parts(tab)
+        await _heard(tab, "message")
         await _leave(tab)
 
     asyncio.run(visit())

@@ -10,20 +10,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import vibroimpact as vi
 from vibroimpact.explorer.address import BY_NAME, LONGEST, PRESETS, case_of, from_query, ranges_for, to_query
 from vibroimpact.explorer.limits import least_width, stiffness, with_ranges
 from vibroimpact.explorer.state import CASES, SAMPLES, SHOWN, View, rounded
-from vibroimpact.model import State
-from vibroimpact.model.oscillator import ImpactOscillator
 
-NAMES = tuple(ImpactOscillator().values)
+NAMES = tuple(vi.ImpactOscillator().values)
 OF_SYSTEMS = ("model", "coordinate", "stop")  # parts of a view that one mass with one stop has no choice of
 
 EVERYTHING = {
-    "osc": ImpactOscillator(mass=1 / 3, omega=2.8000000000000003, gap=-0.1), "x": "gap", "y": "restitution",
+    "osc": vi.ImpactOscillator(mass=1 / 3, omega=2.8000000000000003, gap=-0.1), "x": "gap", "y": "restitution",
     "x_range": (-1.0, 1e-9), "y_range": (0.1, 0.99), "index": "motion", "log": True, "line": "y", "samples": 2000,
-    "boundaries": True, "settled": False, "worst": True, "start": State(-0.2, 1e-17, 3.0), "case": "tube",
-    "pins": (ImpactOscillator(gap=-0.1), ImpactOscillator(mass=2.0)),
+    "boundaries": True, "settled": False, "worst": True, "start": vi.State(-0.2, 1e-17, 3.0), "case": "tube",
+    "pins": (vi.ImpactOscillator(gap=-0.1), vi.ImpactOscillator(mass=2.0)),
 }  # fmt: skip
 
 
@@ -31,7 +30,7 @@ EVERYTHING = {
 def oscillators(draw):
     """Any that a page may ask for, from the plain to the extreme."""
     mass, stiffness = (10.0 ** draw(st.floats(-9.0, 9.0)) for _ in range(2))
-    return ImpactOscillator(
+    return vi.ImpactOscillator(
         mass=mass,
         stiffness=stiffness,
         omega=math.sqrt(stiffness / mass) * 10.0 ** draw(st.floats(-2.9, 1.9)),
@@ -58,7 +57,7 @@ def views(draw):
     x, y = draw(st.permutations(NAMES))[:2]
     x_range, y_range = draw(ends(x, osc)), draw(ends(y, osc))
     number = st.floats(-1e15, 1e15)
-    start = State(osc.gap - abs(draw(number)), draw(number), draw(st.floats(-1e8, 1e8)) * osc.period)
+    start = vi.State(osc.gap - abs(draw(number)), draw(number), draw(st.floats(-1e8, 1e8)) * osc.period)
     try:
         return View(
             osc=osc, x=x, y=y, x_range=x_range, y_range=y_range, index=draw(st.sampled_from(SHOWN)),
@@ -130,14 +129,6 @@ def test_no_address_does_more_than_be_refused_in_words(query):
     assert view is None or from_query(to_query(view)) == view
 
 
-@settings(max_examples=60, deadline=None)
-@given(st.floats(0.05, 90.0), st.floats(1e-3, 1e3), st.floats(1e-9, 1.0))
-def test_addresses_keep_every_digit(ratio, mass, restitution):
-    view = View(osc=ImpactOscillator(mass=mass, stiffness=mass, omega=ratio, restitution=restitution), x="gap",
-                x_range=(-1.0, 1.0), y="damping", y_range=(0.0, 1e-3))  # fmt: skip
-    assert from_query(to_query(view)) == view
-
-
 @pytest.mark.parametrize(
     ("query", "part"),
     [
@@ -202,11 +193,6 @@ def test_zoom_stops_where_double_precision_ends_and_says_so():
     assert high - low >= least_width(low, high)
 
 
-def test_a_zoom_to_a_thousand_millionth_of_the_range_is_allowed():
-    view = View(x_range=(2.0, 2.0 + 5e-9), y_range=(1.0, 1.0 + 5e-9))
-    assert view.x_range[1] > view.x_range[0]
-
-
 def test_a_pan_beyond_what_is_physical_stops_at_the_edge():
     view, message = with_ranges(View(), (-2.0, 3.0), (0.1, 5.0))
     assert "`omega`" in message
@@ -214,8 +200,11 @@ def test_a_pan_beyond_what_is_physical_stops_at_the_edge():
     assert view.x_range[1] == 3.0
 
 
-def test_a_click_has_no_more_digits_than_a_pixel_tells():
+def test_a_click_has_no_more_digits_than_a_pixel_tells_also_in_the_deepest_or_smallest_plane():
     assert rounded(2.3456789, (0.025, 5.0)) == 2.346
+    assert rounded(1.23456789e-15, (1e-15, 2e-15)) == pytest.approx(1.23456789e-15, rel=1e-3)
+    with pytest.raises(ValueError, match="`point`"):
+        rounded(None, (0.0, 1.0))
     assert rounded(2.0 + 1.23456e-9, (2.0, 2.0 + 5e-9)) == pytest.approx(2.0 + 1.235e-9, abs=2e-12)
 
 
@@ -225,12 +214,6 @@ def test_a_click_leaves_the_plane_as_it_is_and_a_slider_of_another_parameter_doe
     assert clicked.plane_key == view.plane_key
     assert clicked.point_key != view.point_key
     assert replace(view, osc=view.osc.replace(damping=0.02)).plane_key != view.plane_key
-
-
-def test_a_click_in_the_deepest_or_smallest_plane_keeps_its_digits():
-    assert rounded(1.23456789e-15, (1e-15, 2e-15)) == pytest.approx(1.23456789e-15, rel=1e-3)
-    with pytest.raises(ValueError, match="`point`"):
-        rounded(None, (0.0, 1.0))
 
 
 @pytest.mark.parametrize("ends", [(None, 1.0), (math.nan, 1.0), (-math.inf, math.inf), "ab", (1.0,), None, (3.0, 2.0)])
@@ -287,7 +270,7 @@ def test_a_case_is_told_of_until_another_one_is_chosen():
     assert case_of(moved).name == "tube"
     assert ranges_for(moved)["gap"] == BY_NAME["tube"].ranges["gap"]
     assert case_of(View()).name == "paper-mass"
-    assert case_of(View(osc=ImpactOscillator(omega=2.5))) is None
+    assert case_of(View(osc=vi.ImpactOscillator(omega=2.5))) is None
     assert ranges_for(View(x_range=(0.025, 20.0)))["omega"] == (0.025, 20.0)
 
 

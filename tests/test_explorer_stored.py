@@ -14,14 +14,13 @@ from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.shades import shades
 from vibroimpact.explorer.stored import open_study
-from vibroimpact.model.oscillator import ImpactOscillator
 
 OMEGA, MASS = np.linspace(1.9, 2.1, 6), np.linspace(0.9, 1.1, 5)
 
 
 @pytest.fixture(scope="module")
 def sweep():
-    return vi.parameter_map(ImpactOscillator(), omega=OMEGA, mass=MASS, indices=["std"], sample_impacts=1900)
+    return vi.parameter_map(vi.ImpactOscillator(), omega=OMEGA, mass=MASS, indices=["std"], sample_impacts=1900)
 
 
 @pytest.fixture
@@ -36,19 +35,23 @@ def study(tmp_path, sweep):
     return written
 
 
+def middles(plane):
+    """Return what a plane shows in the middle of each of 6 by 5 cells."""
+    return plane.values["std"][FINEST // 12 :: FINEST // 6, FINEST // 10 :: FINEST // 5][:6, :5]
+
+
 def test_a_study_is_seen_with_the_sampling_and_the_cells_that_it_has(study, sweep):
     view, look, _ = open_study(study())
     assert view.samples == 2000  # the nearest that a page may ask for
     assert (view.x_range, view.y_range) == ((pytest.approx(1.88), pytest.approx(2.12)), (0.875, 1.125))
     plane = look(view)
-    shown = plane.values["std"][FINEST // 12 :: FINEST // 6, FINEST // 10 :: FINEST // 5][:6, :5]
-    assert (shown == sweep["std"].values).all()
+    assert (middles(plane) == sweep["std"].values).all()
 
 
 def test_a_study_says_from_where_its_motions_begin_and_only_what_it_knows(tmp_path):
     path = tmp_path / "began.nc"
     how = {"indices": ["n_impacts"], "sample_impacts": 200, "start": vi.State(-1.0)}
-    vi.save(vi.parameter_map(ImpactOscillator(), omega=np.linspace(2.0, 3.0, 9), gap=[0.0, 9.0], **how), path)
+    vi.save(vi.parameter_map(vi.ImpactOscillator(), omega=np.linspace(2.0, 3.0, 9), gap=[0.0, 9.0], **how), path)
     view, look, _ = open_study(path)
     plane = look(view)
     assert plane.origin == "from the stored initial condition"
@@ -56,20 +59,10 @@ def test_a_study_says_from_where_its_motions_begin_and_only_what_it_knows(tmp_pa
     assert {"1", "no cycle found: chaotic or undecided", "no impact from the stored initial condition"} <= set(legend)
 
 
-def test_the_cells_of_a_study_are_not_exported_as_if_they_were_computed_here(study):
-    view, look, _ = open_study(study())
-    explorer = Explorer(view, stored=look)
-    explorer.start()
-    assert explorer.wait(300)
-    with pytest.raises(ValueError, match=r"taken from study\.nc, 6 × 5 cells; use that file"):
-        export("nc", explorer)
-    explorer.close()
-
-
 def test_edges_of_cells_stay_where_parameters_may_be(tmp_path):
     path = tmp_path / "edges.nc"
     axes = {"restitution": np.linspace(0.0, 1.0, 5), "damping": np.linspace(0.0, 0.1, 5)}
-    vi.save(vi.parameter_map(ImpactOscillator(), **axes, indices=["std"], sample_impacts=20), path)
+    vi.save(vi.parameter_map(vi.ImpactOscillator(), **axes, indices=["std"], sample_impacts=20), path)
     view, _, _ = open_study(path)
     assert view.x_range == (0.0, 1.0)
     assert view.y_range == (0.0, pytest.approx(0.1125))
@@ -77,7 +70,7 @@ def test_edges_of_cells_stay_where_parameters_may_be(tmp_path):
 
 def test_a_store_that_vanishes_is_shown_all_the_same(tmp_path):
     path = tmp_path / "run.zarr"
-    vi.parameter_map(ImpactOscillator(), omega=OMEGA, mass=MASS, indices=["std"], sample_impacts=20, store=path)
+    vi.parameter_map(vi.ImpactOscillator(), omega=OMEGA, mass=MASS, indices=["std"], sample_impacts=20, store=path)
     view, look, _ = open_study(path)
     shutil.rmtree(path)
     explorer = Explorer(view, stored=look)
@@ -89,12 +82,19 @@ def test_a_store_that_vanishes_is_shown_all_the_same(tmp_path):
 
 
 @pytest.mark.long
-def test_an_index_that_the_study_does_not_tell_is_computed(study):
+def test_an_index_that_the_study_does_not_tell_and_what_one_zooms_to_are_computed(study):
     view, look, _ = open_study(study())
     explorer = Explorer(view, stored=look)
     explorer.start()
     assert explorer.wait(300)
-    assert explorer.plane.stored
+    assert explorer.plane.stored.startswith("study.nc, 6 × 5")
+    with pytest.raises(ValueError, match=r"taken from study\.nc, 6 × 5 cells; use that file"):
+        export("nc", explorer)  # as if they were computed here
+    assert len(np.unique(explorer.plane.values["std"])) <= 30
+    for change in (lambda: explorer.zoom((1.99, 2.01), (0.99, 1.01)), explorer.undo):
+        assert change()
+        assert explorer.wait(300)
+        assert bool(explorer.plane.stored) == (change == explorer.undo)
     explorer.set(index="lyapunov")
     assert explorer.wait(300)
     assert not explorer.plane.stored
@@ -128,6 +128,7 @@ def test_an_axis_of_a_hundred_thousand_values_needs_no_gigabyte(study, sweep):
     lambda sweep: sweep.drop_vars("std"),
     lambda sweep: sweep.drop_vars("status"),
     lambda sweep: sweep.rename(omega="colour"),
+    lambda sweep: vi.simulate(vi.ImpactOscillator()),
     lambda sweep: xr.Dataset(),
 ])  # fmt: skip
 def test_a_study_that_cannot_be_shown_is_refused_in_words(study, change):
@@ -149,7 +150,7 @@ def test_what_is_no_study_at_all_is_refused(tmp_path, name, content):
 
 def test_a_damaged_tile_is_refused_and_not_shown(tmp_path):
     path = tmp_path / "run.zarr"
-    vi.parameter_map(ImpactOscillator(), omega=OMEGA, mass=MASS, indices=["std"], sample_impacts=20, store=path)
+    vi.parameter_map(vi.ImpactOscillator(), omega=OMEGA, mass=MASS, indices=["std"], sample_impacts=20, store=path)
     tile = next(file for file in sorted((path / "std").rglob("*")) if file.is_file() and file.name != "zarr.json")
     tile.write_bytes(b"\xff broken")
     with pytest.raises(OSError, match=r"run\.zarr"):
@@ -161,20 +162,18 @@ def test_a_sweep_over_the_frequency_is_shown_over_omega(tmp_path, sweep):
     path = tmp_path / "hertz.zarr"
     hertz = OMEGA / (2.0 * np.pi)
     vi.parameter_map(
-        ImpactOscillator(), frequency=hertz, mass=MASS, indices=["std"], sample_impacts=1900, store=path, workers=1
+        vi.ImpactOscillator(), frequency=hertz, mass=MASS, indices=["std"], sample_impacts=1900, store=path, workers=1
     )
     view, look, _ = open_study(path)
     assert (view.x, view.y) == ("omega", "mass")
     assert view.x_range == (pytest.approx(1.88), pytest.approx(2.12))
-    plane = look(view)
-    shown = plane.values["std"][FINEST // 12 :: FINEST // 6, FINEST // 10 :: FINEST // 5][:6, :5]
-    np.testing.assert_allclose(shown, sweep["std"].values, atol=1e-9)
+    np.testing.assert_allclose(middles(look(view)), sweep["std"].values, atol=1e-9)
 
 
 def test_a_frequency_held_in_the_middle_of_a_third_axis_is_the_omega_shown(tmp_path):
     path = tmp_path / "three.nc"
     axes = {"mass": MASS, "gap": [0.0, 0.1, 0.2], "frequency": [0.3, 0.4, 0.5]}
-    vi.save(vi.parameter_map(ImpactOscillator(), **axes, indices=["std"], sample_impacts=20, workers=1), path)
+    vi.save(vi.parameter_map(vi.ImpactOscillator(), **axes, indices=["std"], sample_impacts=20, workers=1), path)
     view, _, _ = open_study(path)
     assert view.osc.omega == pytest.approx(2.0 * np.pi * 0.4)
 
@@ -194,9 +193,9 @@ def test_a_sweep_of_a_ready_made_model_is_shown_with_its_own_parameters(tmp_path
     assert (view.model, view.x, view.y, view.index) == ("impact_pair", "frequency", "clearance", "max_velocity")
     assert view.osc.values["restitution"] == 0.5
     assert from_query(to_query(view), find) == view
-    seen = look(view).values["max_velocity"]
+    shown = look(view).values["max_velocity"]
     for i, j in np.ndindex(4, 3):  # the cell in the middle of that value's
-        assert seen[32 + 64 * i, round((j + 0.5) * 256 / 3)] == sweep["max_velocity"].values[i, j]
+        assert shown[32 + 64 * i, round((j + 0.5) * 256 / 3)] == sweep["max_velocity"].values[i, j]
     assert look(replace(view, index="lyapunov")) is None  # it holds none: computed anew
 
 

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from explorers import SMALL, received
+from processes import until
 from vibroimpact.explorer import plane, session, work
 from vibroimpact.explorer.files import export
 from vibroimpact.explorer.limits import FINEST, budget
@@ -21,9 +23,6 @@ from vibroimpact.explorer.point import find_others
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import View
 from vibroimpact.explorer.work import Clock, Pool, Urgency
-from vibroimpact.model.oscillator import ImpactOscillator
-
-SMALL = View(x_range=(1.8, 2.2), y_range=(0.9, 1.1), samples=200)
 
 
 @pytest.fixture
@@ -31,11 +30,6 @@ def pool():
     made = Pool(1)
     yield made
     made.close()
-
-
-@pytest.fixture
-def heard():
-    return []
 
 
 @pytest.fixture
@@ -49,17 +43,6 @@ def explorer(heard, pool):
 def no_rest(monkeypatch):
     monkeypatch.setattr(session, "OTHERS_DELAY", 0.0)
     monkeypatch.setattr(session, "LINE_DELAY", 0.0)
-
-
-def received(heard, kind):
-    return [content for what, content in heard if what == kind]
-
-
-def until(condition):
-    deadline = time.monotonic() + 300.0
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
 
 
 class Endless:
@@ -78,18 +61,24 @@ class Endless:
         return []
 
 
-@pytest.mark.parametrize("change", [
-    lambda page: page.click(2.1, 1.0), lambda page: page.set_parameter("damping", 0.02), lambda page: page.close(),
-    lambda page: page.undo(),
+@pytest.mark.parametrize(("name", "kind", "begin", "change"), [
+    *(("attractors", "others", lambda page: page.click(2.05, 1.0), change) for change in (
+        lambda page: page.click(2.1, 1.0), lambda page: page.set_parameter("damping", 0.02), lambda page: page.close(),
+        lambda page: page.undo())),
+    *(("boundary_curves", "curves", lambda page: page.set(boundaries=True), change) for change in (
+        lambda page: page.zoom((1.9, 2.0), (1.0, 1.1)), lambda page: page.close(),
+        lambda page: page.set(boundaries=False))),
 ])  # fmt: skip
-def test_the_search_for_coexisting_motions_stops_when_the_point_moves(explorer, heard, monkeypatch, no_rest, change):
-    search = Endless(monkeypatch, "attractors")
-    assert explorer.click(2.05, 1.0)
+def test_a_search_stops_when_the_point_or_the_plane_that_it_is_for_changes(
+    explorer, heard, monkeypatch, no_rest, name, kind, begin, change
+):
+    search = Endless(monkeypatch, name)
+    assert begin(explorer)
     assert search.begun.wait(300)
     heard.clear()
     change(explorer)
     assert search.stopped.wait(300)
-    assert not any(received(heard, "others"))
+    assert not any(received(heard, kind))
 
 
 def test_the_search_for_coexisting_motions_goes_on_when_only_colours_change(explorer, monkeypatch, no_rest):
@@ -99,18 +88,6 @@ def test_the_search_for_coexisting_motions_goes_on_when_only_colours_change(expl
     explorer.set(index="motion")
     explorer.pin()
     assert not search.stopped.wait(0.1)
-
-
-@pytest.mark.parametrize("change", [lambda page: page.zoom((1.9, 2.0), (1.0, 1.1)), lambda page: page.close(),
-                                    lambda page: page.set(boundaries=False)])  # fmt: skip
-def test_the_search_for_boundaries_stops_when_the_plane_changes(explorer, heard, monkeypatch, no_rest, change):
-    search = Endless(monkeypatch, "boundary_curves")
-    explorer.set(boundaries=True)
-    assert search.begun.wait(300)
-    heard.clear()
-    change(explorer)
-    assert search.stopped.wait(300)
-    assert not any(received(heard, "curves"))
 
 
 @pytest.mark.long
@@ -148,27 +125,18 @@ def test_hatching_that_is_cut_short_says_so(explorer, heard, monkeypatch):
     assert [one.tried for one in received(heard, "hatch")] == [False, False]  # one plane, at the beginning and the end
 
 
-def test_boundaries_that_are_cut_short_say_so(explorer, heard, monkeypatch, no_rest):
-    monkeypatch.setattr(session, "SEARCH_SECONDS", 0.0)
-    explorer.set(boundaries=True)
-    until(lambda: received(heard, "message"))
-    assert received(heard, "message") == ["boundaries incomplete: stopped after 0 s"]
-
-
-def test_coexisting_motions_that_are_cut_short_say_so(explorer, heard, monkeypatch, no_rest):
-    monkeypatch.setattr(session, "SEARCH_SECONDS", 0.0)
-    explorer.click(2.8, 1.0)
-    until(lambda: received(heard, "message"))
-    assert received(heard, "message") == ["coexisting motions incomplete: stopped after 0 s"]
-
-
-def test_a_diagram_that_is_cut_short_says_so(explorer, heard, monkeypatch, no_rest):
-    monkeypatch.setattr(session, "LINE_SECONDS", 0.0)
+@pytest.mark.parametrize(("limit", "ask", "what"), [
+    ("SEARCH_SECONDS", lambda page: page.set(boundaries=True), "boundaries"),
+    ("SEARCH_SECONDS", lambda page: page.click(2.8, 1.0), "coexisting motions"),
+    ("LINE_SECONDS", lambda page: page.click(2.0, 1.05), "diagram"),
+])  # fmt: skip
+def test_what_is_cut_short_says_so(explorer, heard, monkeypatch, no_rest, limit, ask, what):
+    monkeypatch.setattr(session, limit, 0.0)
     monkeypatch.setattr(plane, "PART", 40)
-    explorer.click(2.0, 1.05)
+    ask(explorer)
     until(lambda: received(heard, "message"))
-    assert received(heard, "message") == ["diagram incomplete: stopped after 0 s"]
-    assert explorer.line.values.max() < 1.9
+    assert received(heard, "message") == [f"{what} incomplete: stopped after 0 s"]
+    assert what != "diagram" or explorer.line.values.max() < 1.9
 
 
 def test_searches_that_come_to_their_end_say_nothing(heard, no_rest):
@@ -188,19 +156,19 @@ def test_what_is_not_wanted_any_more_is_not_complete(search):
 
 def test_the_search_for_attractors_stops_where_it_is_told_to():
     calls = []
-    vi.attractors(ImpactOscillator(omega=2.8), workers=1, progress=lambda *received: calls.append(received))
+    vi.attractors(vi.ImpactOscillator(omega=2.8), workers=1, progress=lambda *received: calls.append(received))
     assert len(calls) > 3
     assert {(total, len(status)) for _, total, status in calls} == {(256, 256)}
     few = []
     vi.attractors(
-        ImpactOscillator(omega=2.8), workers=1, progress=lambda *received: few.append(received) or len(few) < 2
+        vi.ImpactOscillator(omega=2.8), workers=1, progress=lambda *received: few.append(received) or len(few) < 2
     )
     assert len(few) == 2
 
 
 @pytest.mark.long
 def test_a_slow_boundary_is_asked_between_its_points_whether_to_go_on():
-    osc = ImpactOscillator(omega=0.5)
+    osc = vi.ImpactOscillator(omega=0.5)
     plane = ("omega", "restitution"), ((0.3, 0.4), (0.7, 0.9))
     calls = []
     vi.boundary_curves(osc, *plane, n_periods=[1], kinds=["end_of_sticking"], lines=2,
@@ -329,7 +297,7 @@ def test_pages_share_one_pool_and_all_get_what_they_asked_for(pool):
 
 
 def test_a_page_that_asks_for_much_does_not_hold_up_one_that_asks_for_little(pool):
-    much = View(osc=ImpactOscillator(restitution=0.99), samples=5000)
+    much = View(osc=vi.ImpactOscillator(restitution=0.99), samples=5000)
     heard = [], []
     heavy, light = Explorer(much, pool, heard[0].extend), Explorer(SMALL, pool, heard[1].extend)
     heavy.start()

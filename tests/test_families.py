@@ -1,12 +1,12 @@
 """A family is a model whose parameters are those of a function."""
 
-import math
 import pickle
 
 import numpy as np
 import pytest
 
 import vibroimpact as vi
+from designs import shaker
 from vibroimpact.indices import INDICES
 
 
@@ -17,15 +17,6 @@ def same(mass=1.0, damping=0.01, stiffness=1.0, amplitude=1.0, omega=2.0, restit
         mass=mass, damping=damping, stiffness=stiffness, amplitude=amplitude, omega=omega, restitution=restitution,
         gap=gap,
     )  # fmt: skip
-
-
-@vi.family(units={"rpm": "1/min", "clearance_mm": "mm"})
-def shaker(unbalance=0.002, rpm=1500.0, clearance_mm=0.5):
-    """Return a mass shaken by an unbalance."""
-    omega = rpm * 2 * math.pi / 60
-    return vi.ImpactOscillator(
-        mass=2.0, stiffness=3e4, damping=5.0, amplitude=unbalance * omega**2, omega=omega, gap=clearance_mm / 1e3
-    )
 
 
 OSC = vi.ImpactOscillator()
@@ -110,9 +101,9 @@ def test_scattered_designs_are_those_of_a_grid():
 def test_a_table_of_designs_is_stored_and_taken_up_again(tmp_path):
     pandas = pytest.importorskip("pandas")
     table = pandas.DataFrame({"rpm": np.linspace(700, 1500, 30), "clearance_mm": np.linspace(0.6, 0.1, 30)})
-    here = vi.parameter_map(shaker, points=table, sample_impacts=50)
+    sweep = vi.parameter_map(shaker, points=table, sample_impacts=50)
     stored = vi.parameter_map(shaker, points=table, sample_impacts=50, store=tmp_path / "s.zarr", tile=7)
-    assert equal(stored.load(), here)
+    assert equal(stored.load(), sweep)
     again = vi.parameter_map(shaker, points=table, sample_impacts=50, store=tmp_path / "s.zarr")
     assert again.attrs["cells_missing"] == 0
 
@@ -133,24 +124,6 @@ def test_the_function_of_a_family_is_called_once_for_each_design_of_a_table(tmp_
     calls.clear()
     vi.parameter_map(counted, omega=[1.0, 1.5, 3.0], start=6, sample_impacts=20)
     assert max(calls.count(omega) for omega in (1.0, 1.5, 3.0)) <= 2  # corners are looked at beforehand
-
-
-def test_several_initial_conditions_add_a_dimension():
-    starts = [None, vi.State(-0.4, 0.2, 0.3), vi.State(-1.0)]
-    axes = {"omega": np.linspace(0.5, 4.0, 7), "gap": [-0.2, 0.1]}
-    together = vi.parameter_map(OSC, start=starts, sample_impacts=100, **axes)
-    assert together["std"].dims == ("omega", "gap", "start")
-    for number, start in enumerate(starts):
-        alone = vi.parameter_map(OSC, start=start, sample_impacts=100, **axes)
-        assert np.array_equal(together["std"].values[..., number], alone["std"].values, equal_nan=True)
-    assert together["std"].max("start").dims == ("omega", "gap")
-
-
-def test_several_initial_conditions_are_stored(tmp_path):
-    starts = [None, vi.State(-1.0, 0.5)]
-    how = {"start": starts, "omega": np.linspace(0.5, 4.0, 9), "sample_impacts": 60}
-    stored = vi.parameter_map(OSC, store=tmp_path / "s.zarr", tile=5, **how)
-    assert equal(stored.load(), vi.parameter_map(OSC, **how))
 
 
 @vi.family

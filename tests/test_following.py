@@ -9,7 +9,6 @@ import vibroimpact as vi
 from cells import make_cells
 from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, get_backend, scalar
 from vibroimpact.indices import INDICES
-from vibroimpact.options import Tolerances
 
 NUMBER = 60
 PAPER = ImpactWindow(100, 1500)
@@ -68,9 +67,9 @@ def follow(osc, measurement, seen):
 @pytest.mark.parametrize("indices", [tuple(INDICES), ("std",)], ids=["all indices", "std"])
 @pytest.mark.parametrize("window", SEEN.values(), ids=SEEN)
 def test_one_run_gives_the_bits_of_two(window, indices, early_closing):
-    measurement = Measurement(PAPER, Tolerances(), early_closing, indices)
+    measurement = Measurement(PAPER, vi.Tolerances(), early_closing, indices)
     for osc in random_oscillators():
-        follow(osc, measurement, Measurement(window, Tolerances(steps_per_impact=100)))
+        follow(osc, measurement, Measurement(window, vi.Tolerances(steps_per_impact=100)))
 
 
 @pytest.mark.long
@@ -102,7 +101,7 @@ def test_a_recorder_takes_up_the_orbit_where_its_measurement_ended(alone):
 def test_chatter_must_be_the_same_for_both():
     cell, window = make_cells(vi.ImpactOscillator()), ImpactWindow(10, 10)
     with pytest.raises(ValueError, match="`chatter`"):
-        get_backend("cpu").follow(cell, Measurement(window), Measurement(window, Tolerances(chatter=1e-6)))
+        get_backend("cpu").follow(cell, Measurement(window), Measurement(window, vi.Tolerances(chatter=1e-6)))
 
 
 @pytest.mark.parametrize("name", ["reference", "fixed-step"])

@@ -128,8 +128,8 @@ def watched(*allowed, seconds=30):
 
 
 def assert_ends_in_words(line):
-    told, complaint = StringIO(), StringIO()
-    with redirect_stdout(told), redirect_stderr(complaint):
+    output, complaint = StringIO(), StringIO()
+    with redirect_stdout(output), redirect_stderr(complaint):
         code = main(line)
     assert code in (0, 1, 2), code
     if code:

@@ -8,7 +8,6 @@ import os
 import random
 import shutil
 import struct
-import subprocess
 import sys
 import tracemalloc
 from collections.abc import Callable
@@ -21,7 +20,8 @@ import xarray as xr
 from numcodecs import Zstd
 
 import vibroimpact as vi
-from vibroimpact import parameters, request
+from processes import python
+from vibroimpact import request
 from vibroimpact.cli import main
 from vibroimpact.cli.endings import Ended
 from vibroimpact.cli.files import sentences_of_store
@@ -161,27 +161,27 @@ def test_room_is_made_for_no_more_words_than_are_declared(tmp_path):
 
 
 @pytest.mark.parametrize(("file", "array"), [("saved.zarr", "std"), ("map.zarr", "std"), ("map.zarr", "omega")])
-def test_an_array_declared_to_be_beyond_memory_is_refused_before_it_is_read(copied, monkeypatch, file, array):
+def test_an_array_declared_to_be_beyond_memory_is_refused_before_it_is_read(copied, memory, file, array):
     store = copied(file)
     for name in ("omega",) if array == "omega" else ("std", "status"):
         described(store / name / "zarr.json", shape=[10**12] if name == "omega" else [10**7, 10**7])
-    monkeypatch.setattr(parameters, "installed", lambda: 10**10)
+    memory(10**10)
     for opening in openings(store):
         assert file in refusal(opening)
 
 
-def test_records_beyond_memory_are_refused_before_they_are_read(copied, monkeypatch):
+def test_records_beyond_memory_are_refused_before_they_are_read(copied, memory):
     store = copied("map.zarr")
     described(store / "progress" / "tiles" / "zarr.json", shape=[10**12, 9])
-    monkeypatch.setattr(parameters, "installed", lambda: 10**10)
+    memory(10**10)
     with pytest.raises(OSError, match="map.zarr', which is no stored sweep, or a damaged one .*/progress/tiles/"):
         SweepStore(store)
 
 
-def test_a_netcdf_file_beyond_memory_is_refused_before_it_is_read(tmp_path, monkeypatch):
+def test_a_netcdf_file_beyond_memory_is_refused_before_it_is_read(tmp_path, memory):
     with h5py.File(tmp_path / "vast.nc", "w") as file:
         file.create_dataset("std", shape=(10**6, 10**6), dtype="f8", chunks=(1000, 1000))
-    monkeypatch.setattr(parameters, "installed", lambda: 10**10)
+    memory(10**10)
     for opening in (vi.load, open_study):
         with pytest.raises(ValueError, match=r"vast.nc', whose values take 8 TB of memory, .* has 10 GB"):
             opening(tmp_path / "vast.nc")
@@ -262,7 +262,7 @@ except (OSError, MemoryError) as error:
     print("refused")
 gc.collect()
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=600)
+    done = python(script)
     assert (done.returncode, done.stdout, done.stderr) == (0, "refused\n", "")
     assert [path.name for path in tmp_path.iterdir()] == ["small.nc"]
 
@@ -390,10 +390,10 @@ def test_a_result_that_lacks_something_is_summed_up_or_refused_in_words(tmp_path
     else:
         result = result.drop_vars(lost)
     path = vi.save(result, tmp_path / "map.zarr")
-    code, told = main(["plot", str(path)]), capsys.readouterr()
+    code, output = main(["plot", str(path)]), capsys.readouterr()
     assert code in (0, 2)
-    assert len(told.err.splitlines()) <= 1
-    assert "Error" not in told.err or "map.zarr" in told.err
+    assert len(output.err.splitlines()) <= 1
+    assert "Error" not in output.err or "map.zarr" in output.err
 
 
 def commanded(store: Path, command: str) -> None:
@@ -402,7 +402,7 @@ def commanded(store: Path, command: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("command", "told"),
+    ("command", "words"),
     [
         ("vibroimpact map --x omega=1:2:3 --out run.zarr", "vibroimpact map --x omega=1:2:3 --out run.zarr"),
         ("vibroimpact map --out 'two words.zarr' --overwrite", "vibroimpact map --out 'two words.zarr'"),
@@ -418,16 +418,16 @@ def commanded(store: Path, command: str) -> None:
         ("", None),
     ],
 )  # fmt: skip
-def test_a_foreign_command_is_no_advice_unless_it_is_one_of_ours_quoted_anew(copied, capsys, command, told):
+def test_a_foreign_command_is_no_advice_unless_it_is_one_of_ours_quoted_anew(copied, capsys, command, words):
     store = copied("map.zarr")
     (store / "std" / "c" / "0" / "0").unlink()
     commanded(store, command)
     assert main(["info", str(store)]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
-    if told is None or told == "vibroimpact 'map;' rm":
+    if words is None or words == "vibroimpact 'map;' rm":
         assert last == "continue with: the same parameter_map(..., store=...) call"
     else:
-        assert last == f"continue with: {told}"
+        assert last == f"continue with: {words}"
 
 
 def test_what_is_printed_of_a_file_holds_no_control_codes(copied, capsys):
@@ -441,9 +441,9 @@ def test_what_is_printed_of_a_file_holds_no_control_codes(copied, capsys):
     )
     for words in (["info", str(store)], ["plot", str(store)], ["info", "no\x1b[2J\nsuch.zarr"]):
         main(words)
-        told = capsys.readouterr()
-        assert all(line.isprintable() for line in (told.out + told.err).splitlines())
-        assert not any(line.startswith(("continue with", "wrote")) for line in told.out.splitlines())
+        output = capsys.readouterr()
+        assert all(line.isprintable() for line in (output.out + output.err).splitlines())
+        assert not any(line.startswith(("continue with", "wrote")) for line in output.out.splitlines())
 
 
 # Whatever happens to files

@@ -93,6 +93,8 @@ def questions_of_kind(text):
 
 
 def test_nothing_above_the_back_ends_asks_for_the_kind_of_a_model_an_orbit_or_a_table():
-    asked = {file: [*questions_of_kind(text)] for file, text in FILES.items()}
-    above = {file: lines for file, lines in asked.items() if lines and not file.startswith(("backends/", "kernels/"))}
+    questions = {file: [*questions_of_kind(text)] for file, text in FILES.items()}
+    above = {
+        file: lines for file, lines in questions.items() if lines and not file.startswith(("backends/", "kernels/"))
+    }
     assert not above

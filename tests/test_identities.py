@@ -29,24 +29,24 @@ def followed(kind, name):
     model, q, v = case(name)
     moved = [stop.replace(gap=stop.gap + 1e-9) for stop in model.stops]
     off = vi.ImpactSystem(**model.arguments() | {"stops": moved})
-    seen, near = (kind().impacts(one, q, u, number=NUMBER) for one, u in ((model, v), (off, v * (1 + 1e-9))))
-    both = min(len(seen["time"]), len(near["time"]))
-    apart = np.max([np.abs(near[part][:both] - seen[part][:both]) for part in ("time", "velocity")], axis=0) / 1e-9
-    parted = np.flatnonzero(seen["stop"][:both] != near["stop"][:both])
-    return seen, np.maximum.accumulate(apart[: parted[0] if len(parted) else both]).clip(1.0)
+    hits, near = (kind().impacts(one, q, u, number=NUMBER) for one, u in ((model, v), (off, v * (1 + 1e-9))))
+    both = min(len(hits["time"]), len(near["time"]))
+    apart = np.max([np.abs(near[part][:both] - hits[part][:both]) for part in ("time", "velocity")], axis=0) / 1e-9
+    parted = np.flatnonzero(hits["stop"][:both] != near["stop"][:both])
+    return hits, np.maximum.accumulate(apart[: parted[0] if len(parted) else both]).clip(1.0)
 
 
 def assert_the_same(code, name, other, stops=None, units=(1.0, 1.0), since=0.0):
     """Two motions have the same impacts, as far as errors have not grown; times and velocities in units."""
-    seen, growth = followed(type(code), name)
+    hits, growth = followed(type(code), name)
     sure = np.flatnonzero(growth < 1e5)
     assert len(sure)
     number = np.arange(9) if stops is None else np.asarray(stops)
-    assert number[other["stop"][sure]].tolist() == seen["stop"][sure].tolist()
+    assert number[other["stop"][sure]].tolist() == hits["stop"][sure].tolist()
     near = 1e-12 if name.startswith(("rigid", "two")) else 1e-11
     for part, unit, begin in ("time", units[0], since), ("velocity", units[1], 0.0):
-        size = max(1.0, np.abs(seen[part]).max())
-        wrong = np.abs(other[part][sure] - begin - unit * seen[part][sure])
+        size = max(1.0, np.abs(hits[part]).max())
+        wrong = np.abs(other[part][sure] - begin - unit * hits[part][sure])
         assert (wrong <= near * unit * size * growth[sure]).all(), part
 
 
@@ -123,10 +123,10 @@ def test_two_halves_of_a_mass_move_as_the_whole(code):
 
 def test_harmonics_of_twice_the_frequency_are_the_first_of_half_the_period(code):
     stop = vi.Stop(direction=[0, 1], gap=0.1, restitution=0.6)
-    given = np.eye(2), 0.1 * np.eye(2), [[2, -1], [-1, 2]]
+    arguments = np.eye(2), 0.1 * np.eye(2), [[2, -1], [-1, 2]]
     loads = (1.6, {1: [1.0, 0.2]}), (0.8, {2: [1.0, 0.2]})
     one, other = (
-        code.impacts(system(*given, omega, [stop], force), [0, 0], [0, 0], number=30) for omega, force in loads
+        code.impacts(system(*arguments, omega, [stop], force), [0, 0], [0, 0], number=30) for omega, force in loads
     )
     np.testing.assert_allclose(other["velocity"], one["velocity"], rtol=1e-9)
     np.testing.assert_allclose(other["time"], one["time"], rtol=1e-10)
@@ -182,15 +182,15 @@ def test_two_stops_struck_at_once_are_flagged_and_have_no_order(code):
         vi.Stop(direction=a, gap=gap, restitution=0.5) for a, gap in (([1, 0], 1.0), ([0, 1], 1.0), ([-1, 0], 9.0))
     ]
     pair = system(np.eye(2), np.zeros((2, 2)), [[3.0, -1.0], [-1.0, 3.0]], 1.0, stops, {1: [2.0, 2.0]})
-    seen = code.impacts(pair, [0.0, 0.0], [0.3, 0.3], number=6)
-    assert seen["stop"].tolist() == [0, 1] * 3
-    assert seen["simultaneous"].all()
+    hits = code.impacts(pair, [0.0, 0.0], [0.3, 0.3], number=6)
+    assert hits["stop"].tolist() == [0, 1] * 3
+    assert hits["simultaneous"].all()
     for part in ("time", "velocity", "impulse"):
-        assert seen[part][::2] == pytest.approx(seen[part][1::2], rel=1e-12)
+        assert hits[part][::2] == pytest.approx(hits[part][1::2], rel=1e-12)
     alone = system(1, 0, 2, 1.0, [vi.Stop(direction=1, gap=1.0, restitution=0.5)], {1: 2.0})
     once = code.impacts(alone, [0.0], [0.3], number=3)
     for part in ("time", "velocity"):
-        assert once[part] == pytest.approx(seen[part][::2], rel=1e-11)
+        assert once[part] == pytest.approx(hits[part][::2], rel=1e-11)
 
 
 def test_parallel_stops_share_a_contact(code):

@@ -1,14 +1,13 @@
 """A cell has the bits that it has alone, whatever lane, grid, tile or thread computes it, in a map or by itself."""
 
 import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
 import vibroimpact as vi
 from cells import make_cells
+from processes import python
 from systems import a_random_machine, chain, system, two_masses
 from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, get_backend, scalar
 from vibroimpact.contact import hunt_crossley
@@ -181,11 +180,6 @@ print(*(column.values.tobytes().hex() for column in columns))
 def test_a_processor_without_a_name_finds_the_same_bits(tmp_path):
     # Without a name of the processor lanes are compared as LLVM sees fit, not by instructions of AVX.
     plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path)}
-    named, nameless = (
-        subprocess.run(
-            [sys.executable, "-c", FIGURES], env={**os.environ, **extra}, capture_output=True, text=True, check=True
-        ).stdout
-        for extra in ({}, plain)
-    )
+    named, nameless = (python(FIGURES, env={**os.environ, **extra}).stdout for extra in ({}, plain))
     assert len(named) > 4000
     assert named == nameless

@@ -73,7 +73,7 @@ def random_motion(rng, k):
 @pytest.mark.long
 @pytest.mark.parametrize("regime", REGIMES)
 def test_nothing_is_touched_on_the_way_and_the_end_is_exact(regime):
-    rng, made = np.random.default_rng(7), 0
+    rng, count = np.random.default_rng(7), 0
     for _ in range(900):
         k = random_constants(rng, regime)
         motion = random_motion(rng, k)
@@ -81,7 +81,7 @@ def test_nothing_is_touched_on_the_way_and_the_end_is_exact(regime):
         if flown == 0.0:
             assert after == motion
             continue
-        made += 1
+        count += 1
         states = course(motion, k, flown)
         assert (states[1:, 0] > 0.0).all()
         size = np.abs(states[:, :2]).max() + k.A + abs(k.G)
@@ -92,7 +92,7 @@ def test_nothing_is_touched_on_the_way_and_the_end_is_exact(regime):
         ended = begun + flown * k.th
         assert (after.s, after.c) == pytest.approx((np.sin(ended), np.cos(ended)), abs=4e-15)
         assert after.n == np.floor(ended / (2.0 * np.pi)) - np.floor(begun / (2.0 * np.pi))
-    assert made > 150
+    assert count > 150
 
 
 @pytest.mark.long(but=1)
@@ -130,7 +130,7 @@ def test_no_arc_that_passes_the_stop_is_certified_however_little(regime, length)
 @pytest.mark.long(but=1)
 @pytest.mark.parametrize("regime", REGIMES)
 def test_a_contact_is_the_first_one_to_rounding(regime):
-    rng, made = np.random.default_rng(5), 0
+    rng, count = np.random.default_rng(5), 0
     for _ in range(1200):
         k = random_constants(rng, regime)
         motion = random_motion(rng, k)._replace(p=-(10.0 ** rng.uniform(-4, 1)) * (k.A + abs(k.G)))
@@ -142,12 +142,12 @@ def test_a_contact_is_the_first_one_to_rounding(regime):
         if event == FLIGHT:
             np.testing.assert_allclose(after[:2], states[-1, :2], rtol=0.0, atol=1e-15 * size)
             continue
-        made += 1
+        count += 1
         assert (event, after.u, after.p) == (IMPACT, 0.0, k.r * speed)
         assert abs(states[-1, 0]) < 1e-15 * size
         assert -speed == pytest.approx(states[-1, 1], rel=1e-14, abs=2e-15 * size)
         assert (k.A * after.s, k.A * after.c) == pytest.approx(tuple(states[-1, 2:4]), abs=1e-15 * k.A)
-    assert made > 300
+    assert count > 300
 
 
 @pytest.mark.parametrize("regime", REGIMES)
@@ -164,7 +164,7 @@ def test_neighbours_are_carried_over_leaps_exactly(regime, x):
 
 @pytest.mark.long
 def test_near_misses_that_leaps_pass_are_the_witness_s():
-    rng, seen = np.random.default_rng(3), 0
+    rng, compared = np.random.default_rng(3), 0
     window = {"transient_impacts": 3, "sample_impacts": 12, "early_closing": False}
     names = ["grazing_margin", "mean_velocity", "n_periods"]
     for _ in range(200):
@@ -184,6 +184,6 @@ def test_near_misses_that_leaps_pass_are_the_witness_s():
         undecided = theirs["n_periods"] == ours["n_periods"] == 0
         same = abs(ours["mean_velocity"] - theirs["mean_velocity"]) < 1e-9 * theirs["mean_velocity"]
         if np.isfinite(margin) and undecided and same:
-            seen += 1
+            compared += 1
             assert float(ours["grazing_margin"]) == pytest.approx(margin, abs=1e-4)
-    assert seen > 80
+    assert compared > 80

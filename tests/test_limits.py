@@ -20,7 +20,7 @@ PHASE = np.linspace(0.0, 0.9, 1000)
 
 
 @pytest.mark.parametrize(
-    ("call", "told"),
+    ("call", "words"),
     [
         (lambda: vi.impact_section(OSC, sample_impacts=10**30), "`sample_impacts` must be at most 1,000,000,000"),
         (lambda: vi.impact_section(OSC, sample_impacts=10**9), "`sample_impacts` asks for 1e[+]09 rows, which take"),
@@ -48,11 +48,11 @@ PHASE = np.linspace(0.0, 0.9, 1000)
         (lambda: vi.basins(OSC, phase=PHASE, velocity=[1.0, 2.0], **LONG), "1,000,000,001 impacts or more each, which"),
     ],
 )
-def test_what_would_not_end_or_fit_is_refused_before_it_begins(call, told):
-    if told is None:
+def test_what_would_not_end_or_fit_is_refused_before_it_begins(call, words):
+    if words is None:
         call()
         return
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=words):
         call()
 
 
@@ -137,8 +137,8 @@ def test_a_verdict_scales_with_the_force_as_the_motion_does(power):
 def test_looks_at_a_motion_that_never_hits_end_past_their_budget_too():
     """Whatever else is known of its future, a step is a step."""
     osc, hasty = vi.ImpactOscillator(mass=1e-10, amplitude=0.0, omega=1.0, gap=1.0), vi.Tolerances(steps_per_impact=1)
-    found = vi.stroboscopic_section(osc, transient_periods=0, sample_periods=100, tolerances=hasty)
-    assert int(found["status"]) == vi.Status.BUDGET
+    looks = vi.stroboscopic_section(osc, transient_periods=0, sample_periods=100, tolerances=hasty)
+    assert int(looks["status"]) == vi.Status.BUDGET
 
 
 def test_an_orbit_whose_flight_is_too_long_to_be_followed_says_so():

@@ -42,10 +42,10 @@ class Pendulum:
 
     @staticmethod
     def _own(values):
-        own = dict(values)
-        if "frequency" in own:
-            own["omega"] = 2.0 * math.pi * own.pop("frequency")
-        return own
+        arguments = dict(values)
+        if "frequency" in arguments:
+            arguments["omega"] = 2.0 * math.pi * arguments.pop("frequency")
+        return arguments
 
     @staticmethod
     def _numbers(length, wall_angle, omega):

@@ -170,19 +170,19 @@ def test_it_has_the_impacts_and_the_rests_of_the_oscillator(code, name):
     osc, start, rests = MOTIONS[name]
     if isinstance(code, Witness) and osc.stiffness * osc.gap == -osc.amplitude:
         pytest.skip("the witness does not get past an instant at which the force of a closed stop just falls to zero")
-    known, model = impacts(osc, 60, start=start), one_mass(osc)
+    hits, model = impacts(osc, 60, start=start), one_mass(osc)
     state = [start.displacement], [start.velocity], start.time
-    seen = code.impacts(model, *state, number=known.sizes["impact"])
-    late, fast = seen["time"] - known["time"].values, seen["velocity"] - known["velocity"].values
+    seen = code.impacts(model, *state, number=hits.sizes["impact"])
+    late, fast = seen["time"] - hits["time"].values, seen["velocity"] - hits["velocity"].values
     assert np.abs(late).max() * osc.natural_frequency < 1e-12
     assert np.abs(fast).max() < 1e-12 * osc.velocity_scale
-    begun, last = known["time"].values[[0, -1]]
-    until = last if known.sizes["impact"] == 60 else math.inf  # it may stay at the stop
+    begun, last = hits["time"].values[[0, -1]]
+    until = last if hits.sizes["impact"] == 60 else math.inf  # it may stay at the stop
     events = code.motion(model, *state, periods=math.ceil((last - start.time) / osc.period) + 1).events
     sticks, releases = (
         [at for at, kind, _ in events if kind == one and begun <= at < until] for one in ("stick", "release")
     )
-    theirs = known["stick_time"].values, known["release_time"].values
+    theirs = hits["stick_time"].values, hits["release_time"].values
     assert len(sticks) == len(theirs[0]) >= rests
     for mine, other in zip((sticks, releases), theirs, strict=True):
         assert mine == pytest.approx(other[other < until], abs=1e-12 / osc.natural_frequency)
@@ -210,11 +210,11 @@ def test_random_oscillators_make_the_same_first_20_impacts(code):
         )  # fmt: skip
         behind = rng.uniform(0, 1)
         known, near = (impacts(osc, 20, start=vi.State(osc.gap - back)) for back in (behind, behind * (1 + 1e-9)))
-        seen = code.impacts(one_mass(osc), [osc.gap - behind], [0.0], number=max(known.sizes["impact"], 1))
-        assert len(seen["time"]) == known.sizes["impact"]
+        hits = code.impacts(one_mass(osc), [osc.gap - behind], [0.0], number=max(known.sizes["impact"], 1))
+        assert len(hits["time"]) == known.sizes["impact"]
         for part in ("time", "velocity") if near.sizes == known.sizes else ():
             growth = np.maximum.accumulate(np.abs(near[part].values - known[part].values)) / 1e-9
-            wrong = np.abs(seen[part] - known[part].values)
+            wrong = np.abs(hits[part] - known[part].values)
             assert (wrong <= 1e-12 * (1 + known[part].values) + 1e-13 * growth).all()
 
 
@@ -232,19 +232,19 @@ def test_settled_random_systems_of_one_coordinate_move_as_the_oscillator_does(mo
             restitution=rng.choice([0.0, rng.uniform(0.1, 0.6)]),
             gap=rng.uniform(-0.3, 0.3),
         )
-        own, other = impacts(osc, 20, 100), impacts(one_mass(osc), 20, 100)
-        assert int(own["status"]) == int(other["status"])
-        sticks += own.sizes["stick"]
-        assert own.sizes["impact"] == other.sizes["impact"]
-        if not own.sizes["impact"]:
+        hits, other = impacts(osc, 20, 100), impacts(one_mass(osc), 20, 100)
+        assert int(hits["status"]) == int(other["status"])
+        sticks += hits.sizes["stick"]
+        assert hits.sizes["impact"] == other.sizes["impact"]
+        if not hits.sizes["impact"]:
             continue
         drift = impacts(osc, 20, 100, start=vi.State(min(0.0, osc.gap) - 1e-9))
-        if drift.sizes["impact"] != own.sizes["impact"] or np.abs(drift["velocity"] - own["velocity"]).max() > 1e-9:
+        if drift.sizes["impact"] != hits.sizes["impact"] or np.abs(drift["velocity"] - hits["velocity"]).max() > 1e-9:
             continue  # not settled
         settled += 1
         for name in names:
             size = osc.period if "time" in name else 1.0
-            np.testing.assert_allclose(other[name] / size, own[name] / size, rtol=1e-12, atol=1e-12, err_msg=name)
+            np.testing.assert_allclose(other[name] / size, hits[name] / size, rtol=1e-12, atol=1e-12, err_msg=name)
     assert sticks > 100
 
 

@@ -20,7 +20,6 @@ from vibroimpact.coexistence.measuring import Runner
 from vibroimpact.explorer.point import compute_point
 from vibroimpact.explorer.state import View
 from vibroimpact.motion import MotionClass, decide, motion_name, refined
-from vibroimpact.motion.recognition import recognise
 from vibroimpact.refinement.picture import motion_codes
 
 SAMPLES = {"transient_impacts": 500, "sample_impacts": 500}
@@ -97,7 +96,7 @@ def test_a_refined_map_tells_the_same_motions_apart(sweep, names):
 
 
 def test_a_section_is_recognised_as_the_map_names_it(oscillators, names):
-    agree(names, [recognise(vi.impact_section(osc, **SAMPLES)).name for osc in oscillators])
+    agree(names, [vi.recognise(vi.impact_section(osc, **SAMPLES)).name for osc in oscillators])
 
 
 def test_a_diagram_names_each_value_as_the_map_does():

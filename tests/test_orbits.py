@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
+from vibroimpact.orbits import orbit_distance, same_orbit
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.equations import Cycle, Flight, parameters_of
 from vibroimpact.orbits.orbit import Impacts
@@ -28,7 +28,7 @@ def random_oscillator(rng, **fixed):
 @pytest.mark.parametrize("name", ["w=2.0,n=1", "w=1.4,n=1", "w=2.6,n=1"])
 def test_one_impact_a_period_agrees_with_50_digits(values, name):
     known = values["period_n_impact_1"][name]
-    (orbit,) = find_orbit(vi.ImpactOscillator(omega=float(name[2:5])))
+    (orbit,) = vi.find_orbit(vi.ImpactOscillator(omega=float(name[2:5])))
     assert orbit.velocities[0] == pytest.approx(float(known["v"]), rel=1e-13)
     assert orbit.phases[0] == pytest.approx(float(known["phase_frac"]), rel=1e-13)
     assert orbit.trace == pytest.approx(float(known["trace"]), rel=1e-13)
@@ -39,7 +39,7 @@ def test_one_impact_a_period_agrees_with_50_digits(values, name):
 
 def test_two_impacts_a_period_agree_with_50_digits(values):
     known = values["period_1_impact_2"]["w=0.95"]
-    (orbit,) = find_orbit(vi.ImpactOscillator(omega=0.95), n_impacts=2)
+    (orbit,) = vi.find_orbit(vi.ImpactOscillator(omega=0.95), n_impacts=2)
     assert orbit.velocities == pytest.approx((float(known["v_a"]), float(known["v_b"])), rel=1e-13)
     assert orbit.phases == pytest.approx((float(known["phase_frac_a"]), float(known["phase_frac_b"])), rel=1e-13)
     assert orbit.trace == pytest.approx(float(known["trace"]), rel=1e-12)
@@ -51,7 +51,7 @@ def test_two_impacts_a_period_agree_with_50_digits(values):
 def test_the_quadratic_of_one_impact_holds_on_random_oscillators():
     """(alpha^2 + beta^2/w^2) v^2 + 2 alpha g v + g^2 - R^2 = 0, with alpha and beta from the flow over nT."""
     rng = np.random.default_rng(1)
-    seen = 0
+    count = 0
     for _ in range(200):
         osc, n = random_oscillator(rng), int(rng.integers(1, 4))
         half, time = osc.damping / (2 * osc.mass), n * osc.period
@@ -63,24 +63,16 @@ def test_the_quadratic_of_one_impact_holds_on_random_oscillators():
         size = osc.steady_amplitude
         roots = np.roots([alpha**2 + (beta / osc.omega) ** 2, 2 * alpha * osc.gap, osc.gap**2 - size**2])
         expected = sorted(root.real for root in roots if root.imag == 0 and root.real > 0)
-        found = sorted(orbit.velocities[0] for orbit in find_orbit(osc, n_periods=n))
+        found = sorted(orbit.velocities[0] for orbit in vi.find_orbit(osc, n_periods=n))
         assert found == pytest.approx(expected, rel=1e-9)
-        seen += len(found)
-    assert seen > 150
+        count += len(found)
+    assert count > 150
 
 
 def test_without_a_gap_there_is_exactly_one_impact_1_orbit_for_every_frequency_and_length():
     for omega in np.linspace(0.03, 5, 60):
         for n in (1, 2, 3):
-            assert len(find_orbit(vi.ImpactOscillator(omega=omega), n_periods=n)) == 1
-
-
-def test_undamped_resonance_leaves_the_limit_velocity():
-    osc = vi.ImpactOscillator(damping=0.0, omega=1.5, stiffness=2.25 * 1.3, mass=1.3, amplitude=0.7, restitution=0.6)
-    for n in (1, 2):
-        (orbit,) = find_orbit(osc, n_periods=n)
-        limit = math.pi * n * osc.amplitude / ((1 + osc.restitution) * math.sqrt(osc.stiffness * osc.mass))
-        assert orbit.velocities[0] == pytest.approx(limit, rel=1e-13)
+            assert len(vi.find_orbit(vi.ImpactOscillator(omega=omega), n_periods=n)) == 1
 
 
 @pytest.mark.parametrize(
@@ -95,23 +87,23 @@ def test_undamped_resonance_leaves_the_limit_velocity():
     ],
 )
 def test_where_no_orbit_exists_the_reason_is_told(changes, n, why):
-    found = find_orbit(vi.ImpactOscillator(**changes), n_periods=n)
-    assert list(found) == []
-    assert found.outcome == "none"
-    assert why in found.message
+    orbits = vi.find_orbit(vi.ImpactOscillator(**changes), n_periods=n)
+    assert list(orbits) == []
+    assert orbits.outcome == "none"
+    assert why in orbits.message
 
 
 def test_a_mass_that_does_not_rebound_sticks_instead_and_is_told_so():
-    found = find_orbit(vi.ImpactOscillator(restitution=0.0, omega=0.7))
-    assert found.outcome == "inadmissible"
-    assert "comes to rest at the stop" in found.message
-    assert found[0].determinant == 0.0
+    orbits = vi.find_orbit(vi.ImpactOscillator(restitution=0.0, omega=0.7))
+    assert orbits.outcome == "inadmissible"
+    assert "comes to rest at the stop" in orbits.message
+    assert orbits[0].determinant == 0.0
 
 
 def test_a_mass_that_does_not_rebound_but_is_pulled_away_has_an_orbit():
     """At w = 2.5 the force points away from the stop at the impact, so that the mass leaves at once, from rest."""
     osc = vi.ImpactOscillator(restitution=0.0, omega=2.5)
-    (orbit,) = find_orbit(osc)
+    (orbit,) = vi.find_orbit(osc)
     assert math.sin(2 * math.pi * orbit.phases[0]) < 0
     assert orbit.admissible
     assert orbit.determinant == 0.0
@@ -119,16 +111,10 @@ def test_a_mass_that_does_not_rebound_but_is_pulled_away_has_an_orbit():
     assert hits["velocity"].values == pytest.approx(orbit.velocities[0], rel=1e-12)
 
 
-def test_without_any_loss_no_orbit_attracts():
-    (orbit,) = find_orbit(vi.ImpactOscillator(damping=0.0, restitution=1.0, omega=2.7))
-    assert orbit.determinant == pytest.approx(1.0, rel=1e-14)
-    assert not orbit.stable
-
-
 def test_an_orbit_that_hits_too_early_is_inadmissible_and_says_where():
-    found = find_orbit(vi.ImpactOscillator(omega=0.9))
-    assert found.outcome == "inadmissible"
-    (orbit,) = found
+    orbits = vi.find_orbit(vi.ImpactOscillator(omega=0.9))
+    assert orbits.outcome == "inadmissible"
+    (orbit,) = orbits
     assert not orbit.admissible
     assert "first hits the stop at phase" in orbit.message
 
@@ -136,7 +122,7 @@ def test_an_orbit_that_hits_too_early_is_inadmissible_and_says_where():
 def test_two_orbits_beyond_the_steady_amplitude_one_stable():
     """The mass may swing clear of the stop, or keep hitting it; between the two lies the unstable orbit."""
     osc = vi.ImpactOscillator(omega=1.2, gap=3.0)
-    first, second = find_orbit(osc)
+    first, second = vi.find_orbit(osc)
     assert osc.gap > osc.steady_amplitude
     assert (first.stable, second.stable) == (True, False)
     hits = vi.impact_section(osc, start=first.start, transient_impacts=500, sample_impacts=3)
@@ -149,9 +135,9 @@ def test_two_orbits_beyond_the_steady_amplitude_one_stable():
 @pytest.mark.parametrize(("omega", "n", "p"), [(2.8, 2, 2), (3.0, 2, 2), (1.2, 2, 3), (0.9, 1, 2), (0.6, 1, 3)])
 def test_the_engine_returns_to_every_orbit_found(omega, n, p):
     osc = vi.ImpactOscillator(omega=omega)
-    found = find_orbit(osc, n_periods=n, n_impacts=p)
-    assert found
-    for orbit in found:
+    orbits = vi.find_orbit(osc, n_periods=n, n_impacts=p)
+    assert orbits
+    for orbit in orbits:
         growth = 1 + abs(orbit.multipliers[0])
         hits = vi.impact_section(osc, start=orbit.start, transient_impacts=0, sample_impacts=p + 1)
         assert hits["velocity"].values == pytest.approx((*orbit.velocities, orbit.velocities[0]), rel=1e-12 * growth)
@@ -161,13 +147,13 @@ def test_the_engine_returns_to_every_orbit_found(omega, n, p):
 def test_multipliers_tell_how_the_engine_brings_neighbours_back():
     """The return map of the impact surface, by differences, has the orbit's trace and determinant."""
     osc = vi.ImpactOscillator(omega=0.95)
-    (orbit,) = find_orbit(osc, n_impacts=2)
+    (orbit,) = vi.find_orbit(osc, n_impacts=2)
     step = 1e-5
     phase, velocity = orbit.phases[0], orbit.velocities[0]
     starts = [(phase + step, velocity), (phase - step, velocity), (phase, velocity + step), (phase, velocity - step)]
     ends = []
-    for seen in contacts(osc, *np.array(starts).T, 2):
-        ends.append([seen.impact_phase[2], seen.impact_velocity[2]])
+    for touches in contacts(osc, *np.array(starts).T, 2):
+        ends.append([touches.impact_phase[2], touches.impact_velocity[2]])
     ends = np.array(ends)
     matrix = np.array([ends[0] - ends[1], ends[2] - ends[3]]).T / (2 * step)
     assert np.trace(matrix) == pytest.approx(orbit.trace, abs=1e-7)
@@ -175,10 +161,10 @@ def test_multipliers_tell_how_the_engine_brings_neighbours_back():
 
 
 def test_the_determinant_is_what_impacts_and_damping_leave():
-    for orbit in find_orbit(vi.ImpactOscillator(omega=3.0), n_periods=2, n_impacts=3):
+    for orbit in vi.find_orbit(vi.ImpactOscillator(omega=3.0), n_periods=2, n_impacts=3):
         osc = orbit.oscillator
-        left = osc.restitution**6 * math.exp(-osc.damping * orbit.period / osc.mass)
-        assert orbit.determinant == pytest.approx(left, rel=1e-13)
+        determinant = osc.restitution**6 * math.exp(-osc.damping * orbit.period / osc.mass)
+        assert orbit.determinant == pytest.approx(determinant, rel=1e-13)
 
 
 def test_scaling_leaves_phases_and_multipliers():
@@ -187,7 +173,7 @@ def test_scaling_leaves_phases_and_multipliers():
         mass=4.0, stiffness=4.0, damping=0.04, amplitude=8.0, omega=3.0, gap=0.1
     )  # masses times 4, lengths times 2
     for one, other in zip(
-        find_orbit(osc, n_periods=2, n_impacts=2), find_orbit(twin, n_periods=2, n_impacts=2), strict=True
+        vi.find_orbit(osc, n_periods=2, n_impacts=2), vi.find_orbit(twin, n_periods=2, n_impacts=2), strict=True
     ):
         assert other.phases == pytest.approx(one.phases, rel=1e-12)
         assert other.velocities == pytest.approx(2 * np.array(one.velocities), rel=1e-12)
@@ -196,20 +182,20 @@ def test_scaling_leaves_phases_and_multipliers():
 
 def test_each_way_of_saying_near_leads_to_the_same_orbit():
     osc = vi.ImpactOscillator(omega=0.95)
-    (orbit,) = find_orbit(osc, n_impacts=2)
-    before = find_orbit(osc.replace(omega=0.94), n_impacts=2)[0]
+    (orbit,) = vi.find_orbit(osc, n_impacts=2)
+    before = vi.find_orbit(osc.replace(omega=0.94), n_impacts=2)[0]
     for near in (before, before.start, (before.phases[1], before.velocities[1]), (0.1, 1.5)):
-        (again,) = find_orbit(osc, n_impacts=2, near=near)
+        (again,) = vi.find_orbit(osc, n_impacts=2, near=near)
         assert again.velocities == pytest.approx(orbit.velocities, rel=1e-12)
         assert again.phases == pytest.approx(orbit.phases, rel=1e-12)
 
 
 def test_a_start_that_leads_to_a_smaller_name_is_told():
     osc = vi.ImpactOscillator(omega=2.0)
-    found = find_orbit(osc, n_periods=2, n_impacts=2, near=(0.499, 6.2))
-    assert (list(found), found.outcome) == ([], "other_name")
-    assert "period-1 impact-1" in found.message
-    assert find_orbit(osc, n_periods=3, n_impacts=3).outcome == "other_name"
+    orbits = vi.find_orbit(osc, n_periods=2, n_impacts=2, near=(0.499, 6.2))
+    assert (list(orbits), orbits.outcome) == ([], "other_name")
+    assert "period-1 impact-1" in orbits.message
+    assert vi.find_orbit(osc, n_periods=3, n_impacts=3).outcome == "other_name"
 
 
 def test_a_start_at_a_fold_is_called_singular():
@@ -218,16 +204,16 @@ def test_a_start_at_a_fold_is_called_singular():
     low, high = 3.0, 10.0
     for _ in range(60):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if len(find_orbit(osc.replace(gap=middle))) == 2 else (low, middle)
-    one = find_orbit(osc.replace(gap=low))[0]
-    doubled = Orbit(one.oscillator, 2, 2, one.velocities * 2, one.phases * 2, one.multipliers)
-    assert find_orbit(one.oscillator, n_periods=2, n_impacts=2, near=doubled).outcome in ("singular", "other_name")
+        low, high = (middle, high) if len(vi.find_orbit(osc.replace(gap=middle))) == 2 else (low, middle)
+    one = vi.find_orbit(osc.replace(gap=low))[0]
+    doubled = vi.Orbit(one.oscillator, 2, 2, one.velocities * 2, one.phases * 2, one.multipliers)
+    assert vi.find_orbit(one.oscillator, n_periods=2, n_impacts=2, near=doubled).outcome in ("singular", "other_name")
 
 
 def test_a_start_from_which_the_mass_hits_no_more_is_told():
-    found = find_orbit(vi.ImpactOscillator(gap=3.0, damping=0.5), n_impacts=2, near=(0.0, 0.01))
-    assert found.outcome == "not_converged"
-    assert "fewer than 2 impacts follow" in found.message
+    orbits = vi.find_orbit(vi.ImpactOscillator(gap=3.0, damping=0.5), n_impacts=2, near=(0.0, 0.01))
+    assert orbits.outcome == "not_converged"
+    assert "fewer than 2 impacts follow" in orbits.message
 
 
 def test_flights_are_regular_at_resonance_and_critical_damping():
@@ -278,12 +264,12 @@ def test_the_equations_know_their_own_derivative():
 )
 def test_a_wrong_request_is_refused_by_name(arguments, named):
     with pytest.raises(ValueError, match=named):
-        find_orbit(vi.ImpactOscillator(), **arguments)
+        vi.find_orbit(vi.ImpactOscillator(), **arguments)
 
 
 def test_what_is_no_oscillator_is_refused():
     with pytest.raises(ValueError, match="`osc` must be .*, got 2"):
-        find_orbit(2.0)
+        vi.find_orbit(2.0)
 
 
 # The same orbit

@@ -23,8 +23,10 @@ def test_the_version_is_the_same_everywhere(recipe):
 
 
 def test_the_conda_recipe_asks_for_what_the_wheel_asks_for(recipe):
-    asked = [entry.replace(" ", "").replace("matplotlib-base", "matplotlib") for entry in recipe["requirements"]["run"]]
-    assert sorted(asked) == sorted([*PROJECT["dependencies"], f"python{PROJECT['requires-python']}"])
+    requirements = [
+        entry.replace(" ", "").replace("matplotlib-base", "matplotlib") for entry in recipe["requirements"]["run"]
+    ]
+    assert sorted(requirements) == sorted([*PROJECT["dependencies"], f"python{PROJECT['requires-python']}"])
 
 
 def test_the_conda_recipe_makes_the_same_command(recipe):

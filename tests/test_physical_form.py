@@ -42,7 +42,7 @@ def test_losses_loads_and_scale_of_one_mass_are_those_of_its_physical_form(seed)
 def test_its_first_impacts_are_those_of_its_physical_form(seed):
     """Both engines make six from rest; rounding has not grown by then, unless one of them is hardly an impact."""
     osc = random_oscillator(seed)
-    mine, theirs = (vi.impact_section(made, transient_impacts=0, sample_impacts=6) for made in (osc, osc.system))
+    mine, theirs = (vi.impact_section(model, transient_impacts=0, sample_impacts=6) for model in (osc, osc.system))
     hard = mine.velocity.values > 1e-4 * osc.velocity_scale
     first = len(hard) if hard.all() else int(hard.argmin())
     for name in ("time", "velocity"):

@@ -2,8 +2,6 @@
 
 import inspect
 import json
-import subprocess
-import sys
 
 import matplotlib as mpl
 import numpy as np
@@ -12,23 +10,16 @@ import xarray as xr
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from vibroimpact import ImpactOscillator, figures, plotting
+import vibroimpact as vi
+from drawn import legend_texts
+from processes import python
+from vibroimpact import figures, plotting
 from vibroimpact.dataset import impact_speed, provenance, status_variable, variable
-from vibroimpact.orbits import find_orbit
-from vibroimpact.sections import simulate
-from vibroimpact.status import Status
-from vibroimpact.sweeps import parameter_map
 
-mpl.use("Agg")
-OSC = ImpactOscillator(mass=2.0, omega=2.0, gap=0.5)
+OSC = vi.ImpactOscillator(mass=2.0, omega=2.0, gap=0.5)
 
 
-@pytest.fixture
-def ax():
-    return Figure(layout="constrained").add_subplot()
-
-
-def bouncing(osc=OSC, stick=((0.3, np.nan),), status=Status.OK):
+def bouncing(osc=OSC, stick=((0.3, np.nan),), status=vi.Status.OK):
     """Return a made-up motion that meets the stop at t = 1 and 3 with speeds 2 and 1.5."""
     time = np.linspace(0.0, 4.0, 41)
     displacement = osc.gap - np.abs(np.cos(np.pi / 2 * time))
@@ -48,7 +39,7 @@ def bouncing(osc=OSC, stick=((0.3, np.nan),), status=Status.OK):
     )
 
 
-def strobe(y, dy, osc=OSC, status=Status.OK):
+def strobe(y, dy, osc=OSC, status=vi.Status.OK):
     data = {
         "displacement": variable("displacement", "period", y),
         "velocity": variable("velocity", "period", dy),
@@ -57,7 +48,7 @@ def strobe(y, dy, osc=OSC, status=Status.OK):
     return xr.Dataset(data, attrs=provenance("stroboscopic_section", osc, {}))
 
 
-def impacts(phase, speed, stick=(), osc=OSC, status=Status.OK):
+def impacts(phase, speed, stick=(), osc=OSC, status=vi.Status.OK):
     stick = np.array(stick, dtype=float).reshape(-1, 2)
     data = {
         "phase": variable("phase", "impact", phase),
@@ -86,10 +77,6 @@ def curve(std, status=None, axis="omega"):
     data = {"std": variable("std", axis, std), "status": status_variable(axis, [0] * n if status is None else status)}
     coords = {axis: variable(axis, axis, np.linspace(1.0, 2.0, n))}
     return xr.Dataset(data, coords=coords, attrs=provenance("parameter_map", OSC, {}))
-
-
-def legend_texts(ax):
-    return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def line_named(ax, part):
@@ -139,9 +126,9 @@ def test_the_phase_portrait_breaks_the_line_at_impacts_and_joins_it_by_the_law_o
 
 
 def test_a_sample_that_falls_on_an_impact_draws_no_loop_behind_the_stop(ax):
-    osc = ImpactOscillator(omega=2.0)
-    start = find_orbit(osc)[0].start  # at its impact, so that each hundredth sample falls on one
-    plotting.phase_portrait(simulate(osc, start=start, periods=5, samples_per_period=100), ax=ax)
+    osc = vi.ImpactOscillator(omega=2.0)
+    start = vi.find_orbit(osc)[0].start  # at its impact, so that each hundredth sample falls on one
+    plotting.phase_portrait(vi.simulate(osc, start=start, periods=5, samples_per_period=100), ax=ax)
     (flight,) = (line for line in ax.lines if line.get_label() == "flight")
     assert np.nanmax(flight.get_xdata()) < 1e-9
 
@@ -160,7 +147,9 @@ def test_few_samples_of_a_smooth_motion_draw_no_polygon(ax):
 
 @pytest.mark.parametrize("draw", [plotting.time_history, plotting.phase_portrait])
 def test_a_stop_far_from_the_motion_is_told_but_does_not_flatten_it(draw, ax):
-    motion = bouncing().isel(impact=slice(0, 0), stick=slice(0, 0)).assign(status=status_variable((), Status.NO_IMPACT))
+    motion = (
+        bouncing().isel(impact=slice(0, 0), stick=slice(0, 0)).assign(status=status_variable((), vi.Status.NO_IMPACT))
+    )
     motion.attrs = provenance("simulate", OSC.replace(gap=100.0), {})
     draw(motion, ax)
     assert max(ax.get_xlim()[1], ax.get_ylim()[1]) < 10.0
@@ -202,7 +191,9 @@ def test_a_stick_lies_on_the_phase_axis_of_the_impact_map_and_wraps_with_the_per
     np.testing.assert_allclose(bars(ax, "stick"), [[[0.75, 0.0], [1.0, 0.0]], [[0.0, 0.0], [0.25, 0.0]]], atol=1e-12)
 
 
-@pytest.mark.parametrize("empty", [impacts([], [], status=Status.NO_IMPACT), strobe([], [], status=Status.NO_IMPACT)])
+@pytest.mark.parametrize(
+    "empty", [impacts([], [], status=vi.Status.NO_IMPACT), strobe([], [], status=vi.Status.NO_IMPACT)]
+)
 def test_an_empty_section_says_why(empty, ax):
     (plotting.impact_map if "phase" in empty else plotting.stroboscopic_map)(empty, ax)
     assert "never reaches the stop" in ax.texts[0].get_text()
@@ -210,7 +201,7 @@ def test_an_empty_section_says_why(empty, ax):
 
 def test_a_bifurcation_diagram_draws_every_sample_and_names_empty_columns(ax):
     velocity = [[1.0, 2.0, np.nan], [1.5, np.nan, np.nan], [np.nan] * 3, [np.nan] * 3]
-    plotting.bifurcation_diagram(diagram(velocity, [0, 1, Status.NO_IMPACT, Status.BUDGET]), ax=ax)
+    plotting.bifurcation_diagram(diagram(velocity, [0, 1, vi.Status.NO_IMPACT, vi.Status.BUDGET]), ax=ax)
     dots = ax.lines[0]
     np.testing.assert_allclose(dots.get_xydata(), [[1.0, 1.0], [1.0, 2.0], [4 / 3, 1.5]])
     assert dots.get_rasterized()
@@ -231,11 +222,11 @@ def test_a_bifurcation_diagram_shows_the_quantity_asked_for(ax):
 
 def test_a_title_tells_the_angular_frequency_in_hertz_too():
     """w = 2 pi 20 Hz."""
-    held = curve([0.1, 0.2], axis="mass").assign_attrs(
-        provenance("parameter_map", ImpactOscillator(frequency=20.0), {})
+    line = curve([0.1, 0.2], axis="mass").assign_attrs(
+        provenance("parameter_map", vi.ImpactOscillator(frequency=20.0), {})
     )
-    told = plotting.index_curve(held).get_title().replace("\n", " ")
-    assert r"$\omega$ = 125.66 rad/s (20 Hz)" in told
+    title = plotting.index_curve(line).get_title().replace("\n", " ")
+    assert r"$\omega$ = 125.66 rad/s (20 Hz)" in title
     assert "Hz" not in plotting.index_curve(curve([0.1, 0.2])).get_title(), "what is swept is not told"
 
 
@@ -276,7 +267,7 @@ def test_an_index_that_is_no_velocity_stands_on_an_axis_of_its_own_with_its_unit
 
 
 def test_an_index_curve_breaks_where_there_is_no_value_and_says_why(ax):
-    status = [0, Status.STOPPED_IMPACTING, 0]
+    status = [0, vi.Status.STOPPED_IMPACTING, 0]
     plotting.index_curve(curve([0.1, np.nan, 0.3], status), ax=ax)
     np.testing.assert_array_equal(ax.lines[0].get_ydata(), [0.1, np.nan, 0.3])
     np.testing.assert_array_equal(ax.lines[1].get_ydata(), [0.1, 0.3])
@@ -285,7 +276,7 @@ def test_an_index_curve_breaks_where_there_is_no_value_and_says_why(ax):
 
 def test_a_negative_exponent_is_drawn_whole_with_a_line_at_zero(ax):
     omega = np.array([1.4, 2.0, 2.8])
-    sweep = parameter_map(ImpactOscillator(), omega=omega, indices=["lyapunov"], sample_impacts=300)
+    sweep = vi.parameter_map(vi.ImpactOscillator(), omega=omega, indices=["lyapunov"], sample_impacts=300)
     plotting.index_curve(sweep, "lyapunov", ax=ax)
     assert ax.get_ylim()[0] < float(sweep["lyapunov"].min()) < 0.0 < float(sweep["lyapunov"].max()) < ax.get_ylim()[1]
     assert any(len(set(line.get_ydata())) == 1 for line in ax.lines)
@@ -314,7 +305,7 @@ def test_the_help_of_a_figure_has_every_parameter_and_what_it_returns(name):
 
 
 @pytest.mark.parametrize(
-    ("draw", "wrong", "told"),
+    ("draw", "wrong", "words"),
     [
         (plotting.time_history, impacts([0.5], [1.0]), "`simulation` must be a result of simulate"),
         (plotting.phase_portrait, [1.0, 2.0], "got a list; pass what vibroimpact.simulate returns"),
@@ -336,14 +327,14 @@ def test_the_help_of_a_figure_has_every_parameter_and_what_it_returns(name):
         (lambda s: plotting.index_curve(s, "mean"), curve([0.1, 0.2]), "unknown `index` 'mean'; choose from std"),
     ],
 )
-def test_another_kind_of_result_is_refused_in_words(draw, wrong, told):
+def test_another_kind_of_result_is_refused_in_words(draw, wrong, words):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         draw(wrong)
-    assert told in str(caught.value)
+    assert words in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "scale", "told"),
+    ("first", "second", "scale", "words"),
     [
         (diagram([[1.0]], dim="period"), curve([0.1, 0.2]), 5, "`diagram` must hold impacts"),
         (
@@ -355,10 +346,10 @@ def test_another_kind_of_result_is_refused_in_words(draw, wrong, told):
         (diagram([[1.0]]), curve([0.1, 0.2]), np.nan, "`scale` must be a finite number, got nan"),
     ],
 )
-def test_a_diagram_and_an_index_that_do_not_belong_together_are_refused(first, second, scale, told):
+def test_a_diagram_and_an_index_that_do_not_belong_together_are_refused(first, second, scale, words):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         plotting.diagram_with_index(first, second, scale=scale)
-    assert told in str(caught.value)
+    assert words in str(caught.value)
 
 
 def test_a_result_that_lost_its_oscillator_is_refused_where_the_stop_is_drawn():
@@ -393,7 +384,7 @@ def test_the_table_of_figures_names_public_functions_and_is_read_without_matplot
     assert {kind.function for kind in figures.KINDS.values()} <= set(plotting.__all__)
     assert plotting.KINDS["time-history"] is plotting.time_history
     code = "import sys, vibroimpact.figures; sys.exit('matplotlib' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    assert python(code).returncode == 0
 
 
 def test_every_result_has_its_default_kind():

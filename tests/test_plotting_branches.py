@@ -1,16 +1,12 @@
 """Branch diagrams: the look of a part tells its stability, letters stand at bifurcations, samples lie beneath."""
 
-import matplotlib as mpl
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 import vibroimpact as vi
-from vibroimpact.continuation import continue_orbit, switch_branch
-from vibroimpact.orbits import find_orbit
+from drawn import legend_texts
 from vibroimpact.plotting.continuation import INADMISSIBLE, LOOKS, SAMPLES, STABLE, UNSTABLE, branch_diagram, split
 
-mpl.use("Agg")
 OSC = vi.ImpactOscillator()
 RANGE = (0.9, 3.0)
 
@@ -18,12 +14,12 @@ RANGE = (0.9, 3.0)
 @pytest.fixture(scope="module")
 def branch():
     """Return the period-1 impact-1 branch, through its graze and three period doublings."""
-    return continue_orbit(find_orbit(OSC)[0], "omega", RANGE)
+    return vi.continue_orbit(vi.find_orbit(OSC)[0], "omega", RANGE)
 
 
 @pytest.fixture(scope="module")
 def doubled(branch):
-    return continue_orbit(switch_branch(branch.special[-1]), "omega", RANGE)
+    return vi.continue_orbit(vi.switch_branch(branch.special[-1]), "omega", RANGE)
 
 
 @pytest.fixture(scope="module")
@@ -31,18 +27,9 @@ def diagram():
     return vi.bifurcation_diagram(OSC, omega=np.linspace(*RANGE, 41), sample_impacts=40)
 
 
-@pytest.fixture
-def ax():
-    return Figure(layout="constrained").add_subplot()
-
-
 def lines_over(ax):
     """Return the drawn stretches of branches: lines without a marker."""
     return [line for line in ax.lines if line.get_marker() in ("None", None, "") and len(line.get_xdata()) > 1]
-
-
-def legend_texts(ax):
-    return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def test_a_branch_is_parted_exactly_at_its_bifurcations(branch, values):
@@ -90,9 +77,9 @@ def test_stable_parts_are_solid_unstable_dashed_and_impossible_ones_dotted(branc
 
 def test_letters_stand_at_the_bifurcations_and_are_joined_where_they_would_overlap(branch, ax):
     branch_diagram(branch, ax=ax)
-    told = {text.get_text(): text.xy for text in ax.texts}
+    places = {text.get_text(): text.xy for text in ax.texts}
     assert [text.get_text() for text in ax.texts] == ["G, PD", "PD", "PD"]
-    assert told["G, PD"][0] == branch.special[0].value
+    assert places["G, PD"][0] == branch.special[0].value
     marks = [line for line in ax.lines if line.get_marker() in ("o", "s")]
     assert sorted(float(line.get_xdata()[0]) for line in marks) == [point.value for point in branch.special]
 
@@ -115,9 +102,9 @@ def test_the_samples_lie_in_grey_beneath_and_on_the_stable_part(branch, diagram,
     assert dots.get_zorder() < lines_over(ax)[0].get_zorder()
     assert ax.get_xlim() == RANGE
     x, y = dots.get_data()
-    here = (x > 1.6) & (x < 2.5)
+    between = (x > 1.6) & (x < 2.5)
     stable = next(part for part in split(branch.dataset, "omega") if part.values[0] < 2.0 < part.values[-1])
-    np.testing.assert_allclose(y[here], np.interp(x[here], stable.values, stable.velocities[:, 0]), rtol=2e-2)
+    np.testing.assert_allclose(y[between], np.interp(x[between], stable.values, stable.velocities[:, 0]), rtol=2e-2)
     assert legend_texts(ax)[0] == "impact velocity (one dot per impact)"
 
 
@@ -136,20 +123,11 @@ def test_parts_that_are_no_motion_do_not_widen_the_view(branch, ax):
     assert ax.get_ylim()[1] < 10.0
 
 
-def test_a_branch_that_went_through_a_file_is_drawn_the_same(branch, tmp_path, ax):
-    vi.save(branch.dataset, tmp_path / "branch.nc")
-    branch_diagram(vi.load(tmp_path / "branch.nc"), ax=ax)
-    same = branch_diagram(branch, ax=Figure().add_subplot())
-    for one, other in zip(ax.lines, same.lines, strict=True):
-        np.testing.assert_array_equal(one.get_xydata(), other.get_xydata())
-    assert legend_texts(ax) == legend_texts(same)
-
-
 def test_what_is_no_branch_or_goes_another_way_is_refused(branch, diagram):
     other = branch.dataset.rename(omega="gap")
     strobe = vi.bifurcation_diagram(OSC, omega=[1.0, 2.0], section="stroboscopic", sample_periods=5)
     over_gap = diagram.rename(omega="gap")
-    for arguments, told in (
+    for arguments, words in (
         (([],), "`branches` must hold at least one"),
         ((diagram,), "got a result of bifurcation_diagram with velocity"),
         ((None,), "`branches` must be branches of periodic orbits, got a NoneType"),
@@ -164,4 +142,4 @@ def test_what_is_no_branch_or_goes_another_way_is_refused(branch, diagram):
     ):
         with pytest.raises(ValueError) as caught:  # noqa: PT011
             branch_diagram(*arguments)
-        assert told in str(caught.value)
+        assert words in str(caught.value)

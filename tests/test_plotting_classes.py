@@ -8,36 +8,27 @@ import numpy as np
 import pytest
 import xarray as xr
 from matplotlib import pyplot as plt
-from matplotlib.collections import LineCollection, QuadMesh
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 import vibroimpact as vi
-from vibroimpact.continuation import boundary_curves
+from drawn import legend_texts, meshes
 from vibroimpact.dataset import provenance, status_variable, variable
 from vibroimpact.motion import MotionClass
 from vibroimpact.motion.classes import motion_variable
-from vibroimpact.plotting import index_contour
+from vibroimpact.plotting import boundaries, exponent_map, index_contour, motion_map
 from vibroimpact.plotting.categories import COLORS, OTHER_PERIODIC, PALETTE, USUAL, name_colors
-from vibroimpact.plotting.continuation import boundaries
-from vibroimpact.plotting.motions import exponent_map, motion_map
 from vibroimpact.plotting.style import BOUNDARY_COLORS, STATUS_COLORS, STICKING
-from vibroimpact.status import Status
 
-mpl.use("Agg")
 OSC = vi.ImpactOscillator()
 OMEGA, MASS = np.linspace(1.0, 3.0, 20), np.linspace(0.5, 2.5, 30)
 LABELS = (r"angular driving frequency $\omega$ [rad/s]", "mass $m$ [kg]")
 
 
-@pytest.fixture
-def ax():
-    return Figure(layout="constrained").add_subplot()
-
-
 @pytest.fixture(scope="module")
 def curves():
-    return boundary_curves(OSC, ("omega", "mass"), ((1.0, 3.0), (0.5, 2.5)), n_periods=(1, 2), lines=3)
+    return vi.boundary_curves(OSC, ("omega", "mass"), ((1.0, 3.0), (0.5, 2.5)), n_periods=(1, 2), lines=3)
 
 
 def plane(**content):
@@ -69,19 +60,11 @@ def exponents(values, status=None):
 def with_statuses():
     """Return a map with cells of two statuses that have no value, whose legends are long."""
     status = np.zeros((20, 30), int)
-    status[:3], status[3:6] = Status.NO_IMPACT, Status.STOPPED_IMPACTING
+    status[:3], status[3:6] = vi.Status.NO_IMPACT, vi.Status.STOPPED_IMPACTING
     values = np.where(status > 0, np.nan, 0.5)
     dims = ("omega", "mass")
-    told = {name: variable(name, dims, values) for name in ("std", "max_velocity")}
-    return plane(**told, status=status_variable(dims, status))
-
-
-def legend_texts(ax):
-    return [text.get_text().replace("\u2007", "") for text in ax.get_legend().get_texts()]
-
-
-def meshes(ax):
-    return [artist for artist in ax.collections if isinstance(artist, QuadMesh)]
+    variables = {name: variable(name, dims, values) for name in ("std", "max_velocity")}
+    return plane(**variables, status=status_variable(dims, status))
 
 
 P, S, C, N, U = (MotionClass[name] for name in ("PERIODIC", "STICKING", "CHAOTIC", "NO_IMPACT", "UNDECIDED"))
@@ -124,10 +107,10 @@ def test_cells_whose_motion_depends_on_the_initial_condition_are_hatched_over_th
 def test_rare_names_share_a_colour_and_shares_sum_to_all_cells(ax):
     names = [(P, n, p) for n in range(1, 13) for p in (1,)]
     motion_map(classes(names), ax=ax)
-    told = dict(text.split(" %   ")[::-1] for text in legend_texts(ax))
-    assert len(told) == len(PALETTE) + 1
-    assert sum(map(float, told.values())) == pytest.approx(100.0, abs=0.5)
-    assert float(told["other periodic"]) == pytest.approx(100 * 4 / 20)
+    shares = dict(text.split(" %   ")[::-1] for text in legend_texts(ax))
+    assert len(shares) == len(PALETTE) + 1
+    assert sum(map(float, shares.values())) == pytest.approx(100.0, abs=0.5)
+    assert float(shares["other periodic"]) == pytest.approx(100 * 4 / 20)
     shade = meshes(ax)[0].get_array()
     assert (np.abs(shade - to_rgb(OTHER_PERIODIC)).max(axis=-1) < 1e-12).sum() == 4 * 30
 
@@ -218,14 +201,14 @@ def test_a_few_extreme_exponents_do_not_wash_out_the_others(ax):
 
 def test_sticking_cells_have_a_colour_of_their_own_and_holes_their_status(ax):
     values, status = np.full((20, 30), -0.1), np.zeros((20, 30), int)
-    values[:2], values[5, 7], status[5, 7] = -np.inf, np.nan, Status.BUDGET
+    values[:2], values[5, 7], status[5, 7] = -np.inf, np.nan, vi.Status.BUDGET
     exponent_map(exponents(values, status), ax=ax)
     finite, holes = meshes(ax)
     assert finite.get_array().mask.sum() == 61
     shade = holes.get_array()
     sticking = (shade[..., :3] == to_rgb(STICKING)).all(axis=-1)
     np.testing.assert_array_equal(sticking, np.isneginf(values.T))
-    np.testing.assert_allclose(shade[7, 5], (*to_rgb(STATUS_COLORS[Status.BUDGET]), 1.0))
+    np.testing.assert_allclose(shade[7, 5], (*to_rgb(STATUS_COLORS[vi.Status.BUDGET]), 1.0))
     assert shade[..., 3].sum() == 61.0, "nothing but the hole is covered"
     assert legend_texts(ax) == ["not followed to the end (1 cell)", r"sticking: $\lambda$ = $-\infty$ (60 cells)"]
 
@@ -291,12 +274,12 @@ def test_a_plane_keeps_its_room_above_a_legend_of_many_long_lines(curves, index)
     drawn = boundaries(curves, with_statuses(), index)
     figure = drawn.get_figure()
     figure.draw_without_rendering()
-    plane, told = drawn.get_position(), drawn.get_legend().get_window_extent()
+    plane, legend = drawn.get_position(), drawn.get_legend().get_window_extent()
     assert len(legend_texts(drawn)) >= 4
     assert plane.width > 0.6
     assert plane.height > 0.6
-    assert 0.0 <= told.x0 < told.x1 <= figure.bbox.x1
-    assert told.y0 >= 0.0
+    assert 0.0 <= legend.x0 < legend.x1 <= figure.bbox.x1
+    assert legend.y0 >= 0.0
     plt.close(figure)
 
 
@@ -330,29 +313,29 @@ def test_period_one_loses_its_name_across_its_period_doubling(curves):
     orbit = doubling.orbits[len(doubling.orbits) // 2]
     names = set()
     for step in (-1e-3, 1e-3):
-        told = vi.parameter_map(
+        sweep = vi.parameter_map(
             OSC.replace(mass=mass),
             omega=[omega + step],
             start=orbit.start,
             indices=("lyapunov_per_impact", "n_periods", "n_impacts"),
         )
-        names.add((int(told["n_periods"][0]), int(told["n_impacts"][0])))
+        names.add((int(sweep["n_periods"][0]), int(sweep["n_impacts"][0])))
     assert (1, 1) in names
     assert len(names) == 2
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "words"),
     [
         (([],), "`curves` must hold at least one"),
         (([3.0],), "`curves` must be boundaries in a plane of two parameters, got a float"),
         ((classes([(P, 1, 1)]),), "got a result of parameter_map with motion, n_periods"),
     ],
 )
-def test_what_is_no_boundary_is_refused(arguments, told):
+def test_what_is_no_boundary_is_refused(arguments, words):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         boundaries(*arguments)
-    assert told in str(caught.value)
+    assert words in str(caught.value)
 
 
 @pytest.mark.long

@@ -7,7 +7,6 @@ hatch is explained by a legend, a colour bar or the only label of its axes.
 from functools import cache
 from itertools import combinations
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
@@ -20,11 +19,8 @@ from matplotlib.transforms import Affine2D
 
 import vibroimpact as vi
 from vibroimpact import figures, plotting
-from vibroimpact.continuation.boundary import continue_boundary
 from vibroimpact.dataset import VARIABLES
 from vibroimpact.indices import INDICES
-
-mpl.use("Agg")
 
 PAPER = vi.ImpactOscillator()
 TUBE = vi.ImpactOscillator(
@@ -78,7 +74,7 @@ def boundary_of(request):
     """Return the boundaries that begin in the special points of a branch."""
     branch, plane = sweep(request, "branch"), REQUESTS[request][1]
     box = [(values[0], values[-1]) for values in plane.values()]
-    return [continue_boundary(point, tuple(plane), tuple(box)) for point in branch.special[:2]]
+    return [vi.continue_boundary(point, tuple(plane), tuple(box)) for point in branch.special[:2]]
 
 
 FIGURES = {
@@ -191,8 +187,8 @@ def repeated(figure):
 
 def without_unit(figure):
     """Return the labels of axes that show no unit though their quantity has one."""
-    told = [axis.label.get_text().replace("\n", " ") for ax in figure.axes for axis in axes_of(ax)]
-    return [text for text in told if text and "[" not in text and not text.startswith((*PURE, "$"))]
+    labels = [axis.label.get_text().replace("\n", " ") for ax in figure.axes for axis in axes_of(ax)]
+    return [text for text in labels if text and "[" not in text and not text.startswith((*PURE, "$"))]
 
 
 def unexplained(figure):
@@ -262,8 +258,8 @@ def test_a_small_quantity_is_shown_in_a_smaller_unit_and_its_data_stay_in_si():
 def test_a_number_of_periods_has_a_colour_and_so_has_each_reason_for_none():
     """No impact and chaos, both 0, are told apart."""
     drawn = plotting.index_contour(sweep("tube", "map"), "n_periods")
-    told = [text.get_text().split("   ") for text in legends_of(drawn)[0].get_texts()]
-    shares = {name: float(share.strip(" %")) for share, name in told}
+    rows = [text.get_text().split("   ") for text in legends_of(drawn)[0].get_texts()]
+    shares = {name: float(share.strip(" %")) for share, name in rows}
     assert {"1", "2", "no impact from rest", "permanently in contact", "chaotic"} <= set(shares)
     assert sum(shares.values()) == pytest.approx(100.0, abs=0.5)
     motions = vi.classify(sweep("tube", "map"))["motion"]

@@ -5,23 +5,17 @@ import numpy as np
 import pytest
 import xarray as xr
 from matplotlib import pyplot as plt
-from matplotlib.collections import LineCollection, QuadMesh
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 import vibroimpact as vi
-from vibroimpact import ImpactOscillator, plotting
+from drawn import legend_texts, meshes
+from vibroimpact import plotting
 from vibroimpact.dataset import provenance, status_variable, variable
 from vibroimpact.plotting.style import STATUS_COLORS
-from vibroimpact.status import Status
 
-mpl.use("Agg")
 OMEGA, MASS = np.linspace(0.0, 2.0, 41), np.linspace(0.5, 2.5, 61)
-
-
-@pytest.fixture
-def ax():
-    return Figure(layout="constrained").add_subplot()
 
 
 def sweep(std, status=None, axes=("omega", "mass"), osc=None, name="std"):
@@ -30,7 +24,7 @@ def sweep(std, status=None, axes=("omega", "mass"), osc=None, name="std"):
     return xr.Dataset(
         {name: variable(name, axes, std), "status": status_variable(axes, status)},
         coords={axis: variable(axis, axis, data) for axis, data in values.items()},
-        attrs=provenance("parameter_map", osc or ImpactOscillator(), {}),
+        attrs=provenance("parameter_map", osc or vi.ImpactOscillator(), {}),
     )
 
 
@@ -42,17 +36,9 @@ def paraboloid(**kwargs):
 def with_holes():
     """Return a map of ones, with two columns that never hit and three cells out of budget."""
     std, status = np.ones((41, 61)), np.zeros((41, 61), dtype=int)
-    status[:2], status[-3:, 0] = Status.NO_IMPACT, Status.BUDGET
+    status[:2], status[-3:, 0] = vi.Status.NO_IMPACT, vi.Status.BUDGET
     std[status > 0] = np.nan
     return sweep(std, status)
-
-
-def legend_texts(ax):
-    return [text.get_text() for text in ax.get_legend().get_texts()]
-
-
-def meshes(ax):
-    return [artist for artist in ax.collections if isinstance(artist, QuadMesh)]
 
 
 def test_boundary_lines_lie_on_the_circle_where_a_paraboloid_has_its_level():
@@ -85,8 +71,8 @@ def test_the_contour_draws_each_cell_at_its_place_with_the_first_axis_along_x(ax
     assert mesh.get_array().shape == (61, 41)
     assert mesh.get_array()[60, 0] == pytest.approx(2.0)
     assert (ax.get_xlabel(), ax.get_ylabel()) == (r"angular driving frequency $\omega$ [rad/s]", "mass $m$ [kg]")
-    told = ax.get_figure().axes[1].get_ylabel().replace("\n", " ")
-    assert told == r"standard deviation of impact velocities ($\mathrm{Std}$) [m/s] (root scale)"
+    label = ax.get_figure().axes[1].get_ylabel().replace("\n", " ")
+    assert label == r"standard deviation of impact velocities ($\mathrm{Std}$) [m/s] (root scale)"
 
 
 def test_the_contour_draws_the_boundary_at_the_level_asked_for_and_tells_it(ax):
@@ -97,7 +83,7 @@ def test_the_contour_draws_the_boundary_at_the_level_asked_for_and_tells_it(ax):
 
 
 def test_the_default_level_is_a_twentieth_of_the_velocity_scale_for_std_and_others_have_no_boundary(ax):
-    plotting.index_contour(paraboloid(osc=ImpactOscillator(amplitude=4.0)), ax=ax)
+    plotting.index_contour(paraboloid(osc=vi.ImpactOscillator(amplitude=4.0)), ax=ax)
     assert legend_texts(ax) == [r"boundary: $\mathrm{Std}$ = 0.2 m/s (5 % of the velocity scale)"]
     other = Figure().add_subplot()
     plotting.index_contour(paraboloid(name="max_velocity"), "max_velocity", ax=other)
@@ -125,9 +111,9 @@ def test_a_reference_value_is_a_labelled_line_across_the_map(ax):
 
 def test_the_oscillators_own_value_is_marked_unless_it_is_off_the_map_or_unwanted():
     for osc, reference, lines in (
-        (ImpactOscillator(mass=1.0), None, 1),
-        (ImpactOscillator(mass=9.0), None, 0),
-        (ImpactOscillator(mass=1.0), {}, 0),
+        (vi.ImpactOscillator(mass=1.0), None, 1),
+        (vi.ImpactOscillator(mass=9.0), None, 0),
+        (vi.ImpactOscillator(mass=1.0), {}, 0),
     ):
         ax = plotting.index_contour(paraboloid(osc=osc), reference=reference, ax=Figure().add_subplot())
         assert len(ax.lines) == lines
@@ -136,14 +122,14 @@ def test_the_oscillators_own_value_is_marked_unless_it_is_off_the_map_or_unwante
 def test_cells_without_a_value_have_the_colour_of_their_status_and_the_legend_names_it(ax):
     plotting.index_contour(with_holes(), ax=ax)
     shade = meshes(ax)[1].get_array()
-    np.testing.assert_allclose(shade[30, 1], (*to_rgb(STATUS_COLORS[Status.NO_IMPACT]), 1.0))
-    np.testing.assert_allclose(shade[0, 40], (*to_rgb(STATUS_COLORS[Status.BUDGET]), 1.0))
+    np.testing.assert_allclose(shade[30, 1], (*to_rgb(STATUS_COLORS[vi.Status.NO_IMPACT]), 1.0))
+    np.testing.assert_allclose(shade[0, 40], (*to_rgb(STATUS_COLORS[vi.Status.BUDGET]), 1.0))
     assert shade[30, 20, 3] == 0.0, "cells with a value stay uncovered"
     assert legend_texts(ax)[1:] == ["no impact (122 cells)", "not followed to the end (3 cells)"]
 
 
 def test_a_map_without_any_value_still_draws_and_says_why(ax):
-    empty = sweep(np.full((41, 61), np.nan), np.full((41, 61), Status.STUCK_FOREVER))
+    empty = sweep(np.full((41, 61), np.nan), np.full((41, 61), vi.Status.STUCK_FOREVER))
     plotting.index_contour(empty, ax=ax)
     assert legend_texts(ax)[-1] == "permanently in contact (2501 cells)"
     ax.get_figure().draw_without_rendering()
@@ -159,7 +145,7 @@ def test_the_surface_shows_every_cell_of_a_fine_map_and_lies_flat_where_there_is
     holed = plotting.index_surface(with_holes(), ax=Figure().add_subplot(projection="3d"))
     holed.get_figure().draw_without_rendering()
     faces = holed.collections[0].get_facecolor()
-    grey, red = (to_rgb(STATUS_COLORS[status]) for status in (Status.NO_IMPACT, Status.BUDGET))
+    grey, red = (to_rgb(STATUS_COLORS[status]) for status in (vi.Status.NO_IMPACT, vi.Status.BUDGET))
     flat = [int((np.abs(faces[:, :3] - color) < 1e-9).all(axis=1).sum()) for color in (grey, red)]
     assert flat == [2 * 60, 3], "quadrangles with a corner in them"
     assert legend_texts(holed) == ["no impact (122 cells)", "not followed to the end (3 cells)"]
@@ -168,7 +154,7 @@ def test_the_surface_shows_every_cell_of_a_fine_map_and_lies_flat_where_there_is
 def test_maps_of_other_shapes_are_refused_with_the_way_out():
     cube = paraboloid().expand_dims(damping=[0.01, 0.02]).transpose("omega", "mass", "damping")
     line = paraboloid().isel(mass=3)
-    for wrong, told in (
+    for wrong, words in (
         (cube, "must be a parameter_map over two axes, got 3 axes (omega, mass, damping); select one value"),
         (cube, "sweep.sel(damping=0.01, method='nearest')"),
         (line, "got 1 axis (omega); draw it with index_curve"),
@@ -176,7 +162,7 @@ def test_maps_of_other_shapes_are_refused_with_the_way_out():
         for draw in (plotting.index_contour, plotting.index_surface):
             with pytest.raises(ValueError) as caught:  # noqa: PT011
                 draw(wrong)
-            assert told in str(caught.value)
+            assert words in str(caught.value)
     with pytest.raises(ValueError, match="`dataset` must be .* got 3 axes"):
         plotting.default_kind(cube)
     assert plotting.default_kind(paraboloid()) == "index-contour"
@@ -186,7 +172,7 @@ def from_starts():
     """Return the paraboloid from two initial conditions: the second is twice as high, and has no value at omega = 0."""
     one, two = paraboloid(), paraboloid()
     two["std"].values *= 2.0
-    two["std"].values[0], two["status"].values[0] = np.nan, Status.NO_IMPACT
+    two["std"].values[0], two["status"].values[0] = np.nan, vi.Status.NO_IMPACT
     both = xr.concat([one, two], xr.Variable("start", [0, 1]), combine_attrs="override")
     return both.transpose("omega", "mass", "start")
 
@@ -205,9 +191,9 @@ def test_of_several_initial_conditions_the_largest_value_is_drawn_and_the_title_
 
 
 def designs(**columns):
-    found = vi.parameter_map(vi.ImpactOscillator(), points=columns, sample_impacts=100)
-    assert plotting.default_kind(found) == "index-scatter"
-    return found
+    cells = vi.parameter_map(vi.ImpactOscillator(), points=columns, sample_impacts=100)
+    assert plotting.default_kind(cells) == "index-scatter"
+    return cells
 
 
 def test_scattered_designs_are_dots_over_their_first_two_parameters_coloured_by_the_index(ax):
@@ -230,8 +216,8 @@ def test_designs_of_one_parameter_have_the_index_along_y(ax):
     found = designs(omega=[1.9, 2.0, 2.1])
     plotting.index_scatter(found, ax=ax)
     np.testing.assert_allclose(ax.lines[0].get_xydata(), np.column_stack([found["omega"], found["std"]]))
-    told = ax.get_ylabel().replace("\n", " ")
-    assert told == r"standard deviation of impact velocities ($\mathrm{Std}$) [m/s]", "rounding has no unit of its own"
+    label = ax.get_ylabel().replace("\n", " ")
+    assert label == r"standard deviation of impact velocities ($\mathrm{Std}$) [m/s]", "rounding has no unit of its own"
 
 
 def test_a_family_is_drawn_over_its_own_parameters_with_their_units():
@@ -240,20 +226,20 @@ def test_a_family_is_drawn_over_its_own_parameters_with_their_units():
         omega = rpm * 2.0 * np.pi / 60.0
         return vi.ImpactOscillator(omega=omega, gap=clearance_mm / 1e3, amplitude=unbalance * omega**2)
 
-    found = vi.parameter_map(shaker, rpm=[18.0, 20.0, 22.0], clearance_mm=[50.0, 100.0, 150.0], sample_impacts=100)
-    drawn = plotting.index_contour(found)
+    cells = vi.parameter_map(shaker, rpm=[18.0, 20.0, 22.0], clearance_mm=[50.0, 100.0, 150.0], sample_impacts=100)
+    drawn = plotting.index_contour(cells)
     assert (drawn.get_xlabel(), drawn.get_ylabel()) == ("rpm [1/min]", "clearance mm [mm]")
     assert drawn.get_title() == "shaker,  unbalance = 0.5,  from rest"
     assert [text.get_text() for text in drawn.texts] == ["clearance_mm = 100 mm"]
-    held = plotting.index_curve(found.sel(clearance_mm=150.0))
-    assert held.get_title() == "shaker,  clearance_mm = 150,  unbalance = 0.5,  from rest"
+    curve = plotting.index_curve(cells.sel(clearance_mm=150.0))
+    assert curve.get_title() == "shaker,  clearance_mm = 150,  unbalance = 0.5,  from rest"
     pair = plotting.comparison_figure([shaker.replace(rpm=13.4), shaker.replace(rpm=26.7)], periods=2)
     assert [ax.get_title().splitlines()[1] for ax in pair.axes[:2]] == ["rpm = 13.4 1/min", "rpm = 26.7 1/min"]
     plt.close("all")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "words"),
     [
         ({"index": "lyapunov"}, "unknown `index` 'lyapunov'; choose from std"),
         ({"level": "low"}, "`level` must be a finite number, got 'low'"),
@@ -262,10 +248,10 @@ def test_a_family_is_drawn_over_its_own_parameters_with_their_units():
         ({"reference": {"mass": 7.0}}, "must be between 0.5 and 2.5, the range of the map, got 7.0"),
     ],
 )
-def test_wrong_arguments_of_the_contour_are_refused_in_words(arguments, told, ax):
+def test_wrong_arguments_of_the_contour_are_refused_in_words(arguments, words, ax):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         plotting.index_contour(paraboloid(), **arguments, ax=ax)
-    assert told in str(caught.value)
+    assert words in str(caught.value)
 
 
 def test_a_surface_on_flat_axes_is_refused(ax):
@@ -313,7 +299,7 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_old_file_and_nothing_else(tmp_
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "words"),
     [
         ({"path": "figure.gif"}, r"must end in \.png, \.svg or \.pdf, got 'figure.gif'"),
         ({"path": "figure.png", "dpi": 0}, "`dpi` must be between 10 and 2400, got 0"),
@@ -326,6 +312,6 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_old_file_and_nothing_else(tmp_
         ),
     ],
 )
-def test_a_wrong_ending_size_or_resolution_is_refused(arguments, told, ax):
-    with pytest.raises(ValueError, match=told):
+def test_a_wrong_ending_size_or_resolution_is_refused(arguments, words, ax):
+    with pytest.raises(ValueError, match=words):
         plotting.save_figure(ax, **arguments)

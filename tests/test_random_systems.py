@@ -20,12 +20,12 @@ def until_rounding_decides(model, q, speed):
     Or None where a stop that moves squeezes a mass against another.
     """
     try:
-        seen = follow(linear(model), q, speed, impacts=20, most_periods=30, cut=1e-9 * model.velocity_scale)
+        trajectory = follow(linear(model), q, speed, impacts=20, most_periods=30, cut=1e-9 * model.velocity_scale)
     except ValueError:
         return None, False
-    pairs, apart = enumerate(pairwise(seen.impacts), start=1), 1e-9 * model.period
-    sure = next((at for at, (a, b) in pairs if a.stop != b.stop and b.time - a.time < apart), len(seen.impacts))
-    return sure, any(event.kind == "stick" for event in seen.events)
+    pairs, apart = enumerate(pairwise(trajectory.impacts), start=1), 1e-9 * model.period
+    sure = next((at for at, (a, b) in pairs if a.stop != b.stop and b.time - a.time < apart), len(trajectory.impacts))
+    return sure, any(event.kind == "stick" for event in trajectory.events)
 
 
 @pytest.mark.long(but=1)
@@ -89,15 +89,15 @@ def test_systems_of_whole_numbers_make_the_impacts_of_the_witness():
             seen = follow(linear(model), start, speed, impacts=12, most_periods=20, cut=cut).impacts[:12]
         except ValueError:  # a stop that moves squeezes a mass against another
             continue
-        own = impacts(model, 12, start=vi.State(start.tolist(), speed.tolist()))
+        hits = impacts(model, 12, start=vi.State(start.tolist(), speed.tolist()))
         hard = 1e-6 * max([model.velocity_scale, *(event.velocity for event in seen)])
         touched = [event.time for event in seen if event.velocity < hard]
-        touched += own["time"].values[own["velocity"].values < hard].tolist()
+        touched += hits["time"].values[hits["velocity"].values < hard].tolist()
         after = [(b.time, b.time - a.time) for a, b in pairwise(seen) if a.stop != b.stop]
         touched += [time for time, since in after if 0.0 < since < 1e-3 * model.period]
         until = min([*touched, math.inf]) - 1e-6
         known = sorted((e.time, model.stop_names[e.stop], e.velocity) for e in seen if e.time < until)
-        found = sorted(zip(*(own[name].values.tolist() for name in ("time", "stop", "velocity")), strict=True))
+        found = sorted(zip(*(hits[name].values.tolist() for name in ("time", "stop", "velocity")), strict=True))
         assert len(found) >= len(known), seed
         for one, other in zip(known, found, strict=False):
             assert one[1] == other[1], seed

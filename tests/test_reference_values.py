@@ -101,11 +101,11 @@ def test_the_period_1_impact_2_orbit_at_w_095_and_its_indices(values, way):
         assert float(impact["velocity"]) == pytest.approx(known[f"v_{name}"], rel=1e-12)
         assert float(impact["phase"]) == pytest.approx(known[f"phase_frac_{name}"], rel=1e-11)
     assert float(b["time"] - a["time"]) == pytest.approx(known["t_b_minus_t_a"], rel=1e-11)
-    told = way.indices(osc, ("std", "mean_velocity", "max_velocity", "impacts_per_period"), 300, 500)
-    assert told["std"] == pytest.approx(known["std"], rel=1e-11)
-    assert told["mean_velocity"] == pytest.approx(known["mean"], rel=1e-11)
-    assert told["max_velocity"] == pytest.approx(known["v_a"], rel=1e-11)
-    assert told["impacts_per_period"] == pytest.approx(2.0, rel=1e-3)
+    indices = way.indices(osc, ("std", "mean_velocity", "max_velocity", "impacts_per_period"), 300, 500)
+    assert indices["std"] == pytest.approx(known["std"], rel=1e-11)
+    assert indices["mean_velocity"] == pytest.approx(known["mean"], rel=1e-11)
+    assert indices["max_velocity"] == pytest.approx(known["v_a"], rel=1e-11)
+    assert indices["impacts_per_period"] == pytest.approx(2.0, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -157,20 +157,20 @@ def test_std_of_a_chattering_orbit_depends_on_the_cut_as_known(values, way, cut)
         {"transient": int(count), "sample": (11 if way.slow else 20) * int(count)},
         vi.Tolerances(chatter=float(cut)),
     )
-    told = way.indices(vi.ImpactOscillator(omega=0.1), ("std", "mean_velocity"), **window, tolerances=tolerances)
-    assert told["std"] == pytest.approx(float(std), rel=1e-11)
-    assert told["mean_velocity"] == pytest.approx(float(mean), rel=1e-11)
-    assert told["status"] == vi.Status.STICKING
+    indices = way.indices(vi.ImpactOscillator(omega=0.1), ("std", "mean_velocity"), **window, tolerances=tolerances)
+    assert indices["std"] == pytest.approx(float(std), rel=1e-11)
+    assert indices["mean_velocity"] == pytest.approx(float(mean), rel=1e-11)
+    assert indices["status"] == vi.Status.STICKING
 
 
 def test_chaotic_statistics_at_w_28(values, way):
     known, sample = values["lyapunov_w=2.8"], 1_000 if way.slow else 400_000
     names = {"std": "v_std", "mean_velocity": "v_mean", "impacts_per_period": "impacts_per_period"}
-    told = way.indices(vi.ImpactOscillator(omega=2.8), (*names, "max_velocity"), sample=sample, start=vi.State(-1.0))
+    indices = way.indices(vi.ImpactOscillator(omega=2.8), (*names, "max_velocity"), sample=sample, start=vi.State(-1.0))
     for name, key in names.items():
         mean, error_of_4e7 = map(float, known[key])
-        assert told[name] == pytest.approx(mean, abs=5 * error_of_4e7 * np.sqrt(4e7 / sample))
-    assert told["max_velocity"] <= float(known["v_max"]) + 1e-6
+        assert indices[name] == pytest.approx(mean, abs=5 * error_of_4e7 * np.sqrt(4e7 / sample))
+    assert indices["max_velocity"] <= float(known["v_max"]) + 1e-6
 
 
 def test_unforced_chatter_against_a_preloaded_stop_ends_as_the_sum_of_its_flights(values, way):

@@ -10,7 +10,6 @@ import pytest
 import vibroimpact as vi
 from cells import make_cells
 from designs import random_designs
-from vibroimpact import refined_map, to_uniform
 from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.execution.store import SweepStore
 from vibroimpact.motion import MotionClass
@@ -30,9 +29,9 @@ def uniform(plane, osc=OSC, **options):
 
 def different(plane, whole):
     """Return the share of the cells whose class or name differs."""
-    told, true = vi.classify(plane), vi.classify(whole)
-    same = told["motion"] == true["motion"]
-    named = (told["n_periods"] == true["n_periods"]) & (told["n_impacts"] == true["n_impacts"])
+    classes, true = vi.classify(plane), vi.classify(whole)
+    same = classes["motion"] == true["motion"]
+    named = (classes["n_periods"] == true["n_periods"]) & (classes["n_impacts"] == true["n_impacts"])
     return 1.0 - float((same & (named | (true["motion"] != MotionClass.PERIODIC))).mean())
 
 
@@ -47,7 +46,7 @@ PICTURES = {  # a model, its given grid, levels, indices, the most that is compu
 def picture(name):
     """Return a plane refined both ways, and computed whole."""
     model, axes, refine, indices, *_ = PICTURES[name]
-    plane = refined_map(model, refine=refine, indices=indices, **BRIEF, **axes)
+    plane = vi.refined_map(model, refine=refine, indices=indices, **BRIEF, **axes)
     return plane, uniform(plane, model, indices=indices)
 
 
@@ -72,18 +71,18 @@ def test_computed_cells_are_those_of_the_uniform_map_bit_for_bit_and_few_others_
 @pytest.mark.parametrize("name", PICTURES)
 def test_a_stopped_sweep_goes_on_where_it_stopped_with_the_same_bits(name, tmp_path):
     (plane, _), (model, axes, refine, indices, *_) = picture(name), PICTURES[name]
-    given = math.prod(map(len, axes.values()))
+    cells = math.prod(map(len, axes.values()))
     request = {"refine": refine, "indices": indices, "store": tmp_path / "r.zarr", **BRIEF, **axes}
-    partial = refined_map(model, progress=lambda done, *_: done < 2 * given, **request)
+    partial = vi.refined_map(model, progress=lambda done, *_: done < 2 * cells, **request)
     assert partial.attrs["complete"] == 0
     assert not (partial["status"] == vi.Status.INTERRUPTED).any()  # filled in from what there is
     begun, again = [], []
-    kept = refined_map(model, progress=lambda done, total, partial: begun.append(done), **request)
-    assert begun[0] == given  # the given grid was kept
+    kept = vi.refined_map(model, progress=lambda done, total, partial: begun.append(done), **request)
+    assert begun[0] == cells  # the given grid was kept
     assert kept.attrs["complete"] == 1
     for index in (*indices, "status", "level"):
         assert np.array_equal(kept[index].values, plane[index].values, equal_nan=True), index
-    assert refined_map(model, progress=lambda *seen: again.append(seen), **request).equals(kept)
+    assert vi.refined_map(model, progress=lambda *seen: again.append(seen), **request).equals(kept)
     assert not again  # nothing was left to do
 
 
@@ -91,7 +90,7 @@ def test_indices_filled_in_within_a_motion_err_as_the_square_of_the_coarse_step(
     errors = []
     for points in (3, 5):
         axes = {"omega": np.linspace(1.6, 1.8, points), "amplitude": [1.0, 2.0]}
-        plane = refined_map(OSC, refine=4, indices=("std", "mean_velocity"), **BRIEF, **axes)
+        plane = vi.refined_map(OSC, refine=4, indices=("std", "mean_velocity"), **BRIEF, **axes)
         whole = uniform(plane, indices=("mean_velocity",))
         errors.append(float(np.abs(plane["mean_velocity"] - whole["mean_velocity"]).max() / OSC.velocity_scale))
     assert errors[1] < 0.04
@@ -99,7 +98,7 @@ def test_indices_filled_in_within_a_motion_err_as_the_square_of_the_coarse_step(
 
 
 def test_a_plane_of_one_motion_is_computed_on_the_given_grid_alone():
-    plane = refined_map(OSC, refine=4, omega=[1.99, 2.0, 2.01], amplitude=[0.5, 1.0, 2.0], **BRIEF)
+    plane = vi.refined_map(OSC, refine=4, omega=[1.99, 2.0, 2.01], amplitude=[0.5, 1.0, 2.0], **BRIEF)
     assert plane.sizes == {"omega": 33, "amplitude": 33}
     assert np.argwhere(plane["level"].values >= 0).tolist() == [[16 * i, 16 * j] for i in range(3) for j in range(3)]
     assert plane.attrs["cells_computed"] == 9
@@ -108,7 +107,7 @@ def test_a_plane_of_one_motion_is_computed_on_the_given_grid_alone():
 
 
 def test_motions_do_not_depend_on_amplitude_where_the_gap_is_zero():
-    plane = refined_map(OSC, refine=3, omega=np.linspace(1.9, 2.5, 7), amplitude=[0.5, 1.0, 2.0], **BRIEF)
+    plane = vi.refined_map(OSC, refine=3, omega=np.linspace(1.9, 2.5, 7), amplitude=[0.5, 1.0, 2.0], **BRIEF)
     codes = vi.classify(plane)["n_periods"].values + 1000 * vi.classify(plane)["motion"].values.astype(int)
     assert (codes == codes[:, :1]).all()
     computed = plane["level"].values >= 0
@@ -117,7 +116,7 @@ def test_motions_do_not_depend_on_amplitude_where_the_gap_is_zero():
 
 def test_a_gap_that_is_never_crossed_is_followed_to_the_finest_level():
     damped = OSC.replace(damping=0.5)  # a start at rest never overshoots far: the mass swings by R(omega) at last
-    plane = refined_map(damped, refine=4, omega=np.linspace(2.0, 3.0, 9), gap=np.linspace(0.1, 1.3, 9), **BRIEF)
+    plane = vi.refined_map(damped, refine=4, omega=np.linspace(2.0, 3.0, 9), gap=np.linspace(0.1, 1.3, 9), **BRIEF)
     whole = uniform(plane, damped)
     quiet = vi.classify(plane)["motion"].values == MotionClass.NO_IMPACT
     swing = 1.0 / np.hypot(1.0 - plane["omega"].values ** 2, 0.5 * plane["omega"].values)
@@ -132,7 +131,7 @@ def test_a_gap_that_is_never_crossed_is_followed_to_the_finest_level():
 
 def test_an_island_of_hits_between_quiet_points_of_the_given_grid_is_found():
     resonant = vi.ImpactOscillator(gap=1.0)
-    plane = refined_map(resonant, refine=4, omega=np.linspace(0.6, 1.5, 4), amplitude=[0.01, 0.035, 0.06], **BRIEF)
+    plane = vi.refined_map(resonant, refine=4, omega=np.linspace(0.6, 1.5, 4), amplitude=[0.01, 0.035, 0.06], **BRIEF)
     quiet = plane["status"] == vi.Status.NO_IMPACT
     assert quiet.values[::16, ::16].all()
     whole = uniform(plane, resonant)
@@ -144,7 +143,7 @@ def test_an_island_of_hits_between_quiet_points_of_the_given_grid_is_found():
 def test_no_cell_that_hits_is_shown_without_impacts(osc):
     size = osc.velocity_scale / osc.natural_frequency
     axes = {"omega": osc.omega * np.linspace(0.6, 1.4, 6), "gap": osc.gap + size * np.linspace(-0.3, 0.5, 6)}
-    plane = refined_map(osc, refine=3, **axes, **BRIEF)
+    plane = vi.refined_map(osc, refine=3, **axes, **BRIEF)
     quiet = plane["status"].values >= vi.Status.NO_IMPACT
     assert (plane["level"].values[quiet] >= 0).all()
     assert not (quiet & (uniform(plane, osc)["status"].values < vi.Status.NO_IMPACT)).any()
@@ -157,8 +156,8 @@ def test_a_refined_map_says_what_was_filled_in(hard):
 
 def test_jumps_of_an_index_are_refined_too():
     axes = {"omega": np.linspace(1.5, 2.5, 9), "amplitude": [0.5, 1.0]}
-    plain = refined_map(OSC, refine=2, indices=("max_velocity",), **BRIEF, **axes)
-    steep = refined_map(OSC, refine=2, indices=("max_velocity",), jump=0.1, **BRIEF, **axes)
+    plain = vi.refined_map(OSC, refine=2, indices=("max_velocity",), **BRIEF, **axes)
+    steep = vi.refined_map(OSC, refine=2, indices=("max_velocity",), jump=0.1, **BRIEF, **axes)
     assert steep.attrs["cells_computed"] > plain.attrs["cells_computed"]
     most = 0.1 * float(np.ptp(steep["max_velocity"].values[::4, ::4]))
     rough = np.abs(np.diff(steep["max_velocity"].values, axis=0)) > most
@@ -167,9 +166,9 @@ def test_jumps_of_an_index_are_refined_too():
 
 
 def test_finer_axes_keep_the_given_values():
-    given = np.array([0.1, 0.3, 1.7])
-    fine = finer(given, 5)
-    assert np.array_equal(fine[::32], given)
+    values = np.array([0.1, 0.3, 1.7])
+    fine = finer(values, 5)
+    assert np.array_equal(fine[::32], values)
     assert (np.diff(fine) > 0.0).all()
     assert len(fine) == 65
 
@@ -196,20 +195,20 @@ def test_scattered_cells_are_those_of_the_grid(first, second, start):
 def test_damaged_cells_are_computed_anew_and_another_study_is_refused(tmp_path):
     axes = {"omega": np.linspace(2.0, 3.0, 5), "mass": np.linspace(0.5, 1.5, 5)}
     request = {"refine": 2, "store": tmp_path / "r.zarr", **BRIEF, **axes}
-    whole = refined_map(OSC, **request).load()
+    whole = vi.refined_map(OSC, **request).load()
     for name in ("std/c/0/0", "level/c/0/0", "progress/cells/n_periods/c/0"):
         chunk = tmp_path / "r.zarr" / name
         chunk.write_bytes(chunk.read_bytes()[:-3])
         assert not SweepStore(tmp_path / "r.zarr").is_whole() or "cells" in name
-        assert refined_map(OSC, **request).load().equals(whole)
+        assert vi.refined_map(OSC, **request).load().equals(whole)
         chunk.unlink()
-        assert refined_map(OSC, **request).load().equals(whole)
+        assert vi.refined_map(OSC, **request).load().equals(whole)
     with pytest.raises(ValueError, match="jump is None there, 0.5 here"):
-        refined_map(OSC, **request, jump=0.5)
+        vi.refined_map(OSC, **request, jump=0.5)
 
 
 def test_a_sweep_stopped_on_its_first_cells_says_which_are_missing():
-    plane = refined_map(OSC, refine=2, progress=lambda *seen: False, **BRIEF, **HARD)
+    plane = vi.refined_map(OSC, refine=2, progress=lambda *seen: False, **BRIEF, **HARD)
     assert plane.attrs["complete"] == 0
     assert set(np.unique(plane["status"])) >= {vi.Status.INTERRUPTED}
 
@@ -223,10 +222,10 @@ def test_memory_is_that_of_the_picture_and_little_more(monkeypatch):
     ):
         monkeypatch.setattr(f"vibroimpact.{place}", number)  # what is taken at a time is next to nothing
     plane = {"omega": np.linspace(1.5, 2.5, 33), "mass": np.linspace(0.5, 1.5, 33)}
-    refined_map(OSC, refine=1, sample_impacts=50, **plane)  # compiles
+    vi.refined_map(OSC, refine=1, sample_impacts=50, **plane)  # compiles
     tracemalloc.start()
     try:
-        fine = refined_map(OSC, refine=4, sample_impacts=50, **plane)
+        fine = vi.refined_map(OSC, refine=4, sample_impacts=50, **plane)
         most = tracemalloc.get_traced_memory()[1] / fine["level"].size
     finally:
         tracemalloc.stop()
@@ -239,10 +238,10 @@ def test_a_refined_map_is_drawn_and_resampled(hard):
     plane = hard[0]
     assert vi.plotting.index_contour(plane).get_xlabel() == r"angular driving frequency $\omega$ [rad/s]"
     assert len(vi.plotting.motion_map(plane).get_legend().get_texts()) > 3
-    even = to_uniform(plane, shape=(65, 33))
+    even = vi.to_uniform(plane, shape=(65, 33))
     assert even["std"].shape == (65, 33)
     assert even["std"].values[::8, ::8][1, 1] == plane["std"].sel(omega=even["omega"][8], mass=even["mass"][8])
-    assert to_uniform(plane).sizes == plane.sizes
+    assert vi.to_uniform(plane).sizes == plane.sizes
 
 
 @pytest.mark.parametrize(
@@ -260,15 +259,15 @@ def test_a_refined_map_is_drawn_and_resampled(hard):
 def test_a_wrong_request_is_told_what_is_allowed(wrong, words):
     request = {"refine": 2, "omega": [1.0, 2.0], "mass": [1.0, 2.0]} | wrong
     with pytest.raises(ValueError, match=words):
-        refined_map(OSC, **{name: value for name, value in request.items() if value is not None or name == "jump"})
+        vi.refined_map(OSC, **{name: value for name, value in request.items() if value is not None or name == "jump"})
 
 
 def test_a_uniform_map_is_no_refined_one():
     with pytest.raises(ValueError, match="`plane` must be what `refined_map` returned, got a Dataset without"):
-        to_uniform(vi.parameter_map(OSC, omega=[1.0, 2.0], sample_impacts=10))
-    plane = refined_map(OSC, refine=1, omega=[1.9, 2.0], mass=[1.0, 1.1], sample_impacts=50)
+        vi.to_uniform(vi.parameter_map(OSC, omega=[1.0, 2.0], sample_impacts=10))
+    plane = vi.refined_map(OSC, refine=1, omega=[1.9, 2.0], mass=[1.0, 1.1], sample_impacts=50)
     with pytest.raises(ValueError, match="`shape` must be a pair"):
-        to_uniform(plane, shape=(3,))
+        vi.to_uniform(plane, shape=(3,))
 
 
 def test_motions_of_two_masses_are_told_apart_by_class_where_they_have_no_cycle():

@@ -85,9 +85,9 @@ def test_a_wrong_place_is_refused_before_anything_is_started(wrong, words, tmp_p
 @pytest.mark.long
 def test_the_command_line_refines_on_a_cluster(run, client, whole, tmp_path):
     command = "map --x omega=1.5:3.5:9 --y mass=0.5:1.5:7 --sample-impacts 300 --refine 2 --out r.zarr"
-    code, told, complaints = run(f"{command} --cluster {client.cluster.scheduler_address}")
+    code, lines, complaints = run(f"{command} --cluster {client.cluster.scheduler_address}")
     assert code == 0, complaints
-    assert f"finished: {whole.attrs['cells_computed']} cells computed" in told[0]
+    assert f"finished: {whole.attrs['cells_computed']} cells computed" in lines[0]
     assert np.array_equal(vi.load(tmp_path / "r.zarr")["std"].values, whole["std"].values, equal_nan=True)
     code, _, complaints = run(f"{command} --cluster local:2 --workers 2")
     assert (code, len(complaints)) == (2, 1)

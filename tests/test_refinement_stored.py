@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -13,6 +11,7 @@ import zarr
 
 import store_driver as driver
 import vibroimpact as vi
+from processes import told_by
 from vibroimpact.execution.store import SweepStore
 from vibroimpact.files.guard import GuardedStore
 
@@ -39,17 +38,13 @@ def whole():
 @pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="signals and forks are those of POSIX")
 def test_a_refined_map_killed_at_random_moments_is_in_the_end_the_uninterrupted_one(tmp_path, whole):
-    done = subprocess.run(
-        [sys.executable, driver.__file__, "harm", tmp_path, "10", "SIGKILL", "refined"], capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout.splitlines()[-1])
-    assert told["code"] == 0
-    assert set(told["codes"]) <= {0, -9}
-    for name in ("whole", *range(told["stores"])):
-        found = vi.load(tmp_path / f"{name}.zarr")
+    report = told_by("harm", tmp_path, 10, "SIGKILL", "refined")
+    assert report["code"] == 0
+    assert set(report["codes"]) <= {0, -9}
+    for name in ("whole", *range(report["stores"])):
+        loaded = vi.load(tmp_path / f"{name}.zarr")
         for variable in NAMES:
-            assert found[variable].values.tobytes() == whole[variable].values.tobytes(), (name, variable)
+            assert loaded[variable].values.tobytes() == whole[variable].values.tobytes(), (name, variable)
         assert not list((tmp_path / f"{name}.zarr").rglob("*.partial"))
 
 
@@ -89,14 +84,14 @@ def summary(store):
 
 
 def test_the_summary_counts_cells_while_a_refined_map_is_computed(tmp_path, whole):
-    store, seen = tmp_path / "r.zarr", []
+    store, news = tmp_path / "r.zarr", []
 
     def look(done, total, partial):
-        seen.append((done, total, summary(store)))
+        news.append((done, total, summary(store)))
         return done < 269
 
     driver.refined(store, workers=1, progress=look)
-    for done, total, found in seen:
+    for done, total, found in news:
         assert found["needed"] == total
         assert done - 2 * 100 < found["cells_done"] <= done  # but for tiles that have not ended
     found = summary(store)
@@ -114,15 +109,15 @@ def test_the_summary_counts_cells_while_a_refined_map_is_computed(tmp_path, whol
 @pytest.mark.long
 def test_info_tells_how_far_a_refined_map_is_and_how_to_go_on(run, tmp_path):
     partly(tmp_path / "r.zarr")
-    code, told, _ = run("info r.zarr")
+    code, lines, _ = run("info r.zarr")
     assert code == 0
-    assert "refined map of std" in told[0]
-    assert "refine 2" in told[1]
+    assert "refined map of std" in lines[0]
+    assert "refine 2" in lines[1]
     needed = summary(tmp_path / "r.zarr")["needed"]
-    assert told[2] == f"269 of {needed:,} cells computed (the total may grow), for a map of 2,401"
-    assert "s elapsed" in told[3]
-    assert "s left" in told[3]
-    assert told[-1].startswith("continue with: ")
+    assert lines[2] == f"269 of {needed:,} cells computed (the total may grow), for a map of 2,401"
+    assert "s elapsed" in lines[3]
+    assert "s left" in lines[3]
+    assert lines[-1].startswith("continue with: ")
 
 
 @pytest.mark.long
@@ -132,21 +127,21 @@ def test_info_tells_of_damaged_cells_and_of_a_store_just_begun(run, tmp_path):
     chunk.write_bytes(chunk.read_bytes()[:-3])
     assert "1 damaged tile; computed again when you continue" in run("info r.zarr")[1]
     driver.refined(tmp_path / "new.zarr", progress=lambda *seen: False)
-    told = run("info new.zarr")[1]
-    assert told[2].startswith("0 of 169 cells computed")
-    assert told[-1] == "continue with: the same parameter_map(..., store=...) call"
+    lines = run("info new.zarr")[1]
+    assert lines[2].startswith("0 of 169 cells computed")
+    assert lines[-1] == "continue with: the same parameter_map(..., store=...) call"
 
 
 @pytest.mark.long
 def test_info_of_a_finished_refined_map_has_nothing_to_go_on_with(run, tmp_path, whole):
     command = "map --x omega=1.5:3.5:13 --y mass=0.5:1.5:13 --sample-impacts 200 --refine 2 --out r.zarr"
     assert run(command)[0] == 0
-    told = run("info r.zarr")[1]
+    lines = run("info r.zarr")[1]
     computed = whole.attrs["cells_computed"]
-    assert told[2] == f"finished: {computed:,} cells computed, {computed / 2401:.1%} of 2,401 in the map"
-    assert told[-1] == whole.attrs["filled_in"]
-    assert "continue" not in " ".join(told)
-    assert "left" not in " ".join(told)
+    assert lines[2] == f"finished: {computed:,} cells computed, {computed / 2401:.1%} of 2,401 in the map"
+    assert lines[-1] == whole.attrs["filled_in"]
+    assert "continue" not in " ".join(lines)
+    assert "left" not in " ".join(lines)
     assert f"finished: {computed:,} cells computed" in run(command)[2][1]  # it exists
 
 

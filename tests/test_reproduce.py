@@ -96,12 +96,12 @@ def test_every_section_with_results_is_covered_and_no_statement_has_two_names() 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    told: list[tuple[int, int, str]] = []
+    news: list[tuple[int, int, str]] = []
     out = tmp_path_factory.mktemp("reproduce") / "study"
-    report = run(out, quick=True, progress=lambda done, total, text: told.append((done, total, text)))
+    report = run(out, quick=True, progress=lambda done, total, text: news.append((done, total, text)))
     assert report == out / "report.html"
-    assert told[-1][0] == told[-1][1]
-    assert all(before[0] <= after[0] for before, after in pairwise(told))
+    assert news[-1][0] == news[-1][1]
+    assert all(before[0] <= after[0] for before, after in pairwise(news))
     return out
 
 

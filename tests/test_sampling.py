@@ -7,10 +7,10 @@ import vibroimpact as vi
 
 
 def test_of_long_windows_few_values_are_sampled_at_once_and_a_stop_is_heard():
-    asked = []
+    looks = []
 
     def no(done, total, partial):
-        asked.append(done)
+        looks.append(done)
         return False
 
     values = np.linspace(1.9, 2.1, 40)
@@ -18,7 +18,7 @@ def test_of_long_windows_few_values_are_sampled_at_once_and_a_stop_is_heard():
         vi.ImpactOscillator(), omega=values, sample_impacts=100_000, transient_impacts=0, workers=1, progress=no
     )
     computed = int((part["status"] != vi.Status.INTERRUPTED).sum())
-    assert asked == [1]
+    assert looks == [1]
     assert 0 < computed <= 12  # three tiles of four
 
 

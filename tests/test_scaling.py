@@ -109,14 +109,6 @@ def test_powers_of_two_scale_every_cell_of_a_system_bit_for_bit(name, unit):
         assert np.array_equal(scaled[index], unit_of * plain[index], equal_nan=True), index
 
 
-def test_shifting_the_start_by_whole_periods_changes_nothing():
-    osc = vi.ImpactOscillator(omega=2.8)
-    now = vi.impact_section(osc, start=vi.State(-1.0), transient_impacts=0, sample_impacts=20)
-    later = vi.impact_section(osc, start=vi.State(-1.0, 0.0, 64 * osc.period), transient_impacts=0, sample_impacts=20)
-    assert later["velocity"].values == pytest.approx(now["velocity"].values, rel=1e-12)
-    assert later["time"].values - now["time"].values == pytest.approx(64 * osc.period, rel=1e-13)
-
-
 # Verdicts in other units
 
 SYSTEMS = range(100) if "FUZZ" in os.environ else (0, 1, 4, 5)  # `make fuzz` asks for all

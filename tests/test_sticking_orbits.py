@@ -8,10 +8,8 @@ import pytest
 import vibroimpact as vi
 from designs import RESTS
 from vibroimpact.coexistence.measuring import AT_REST, Runner, cells_of
-from vibroimpact.continuation import continue_boundary
-from vibroimpact.motion.recognition import recognise
 from vibroimpact.orbits.sticking import closes, find_sticking_orbit, from_release
-from vibroimpact.orbits.sticking_end import end_of_sticking, scaling_exponent
+from vibroimpact.orbits.sticking_end import scaling_exponent
 
 # The end of sticking of the default oscillator, by bisection with closed-form flights in 45 digits.
 END = 0.34718041326569632613
@@ -91,7 +89,7 @@ def test_a_settled_section_is_recognised_as_the_same_motion(numbers):
     transient = 20 * len(orbit.velocities) if numbers["omega"] < 1 else 0
     start = None if numbers["omega"] < 1 else orbit.start
     section = vi.impact_section(orbit.oscillator, start=start, transient_impacts=transient, sample_impacts=1000)
-    motion = recognise(section)
+    motion = vi.recognise(section)
     assert (motion.kind, motion.n_periods, motion.n_impacts) == ("sticking", orbit.n_periods, -1)
     assert motion.velocities[0] == pytest.approx(max(orbit.velocities), rel=1e-9)
     assert len(motion.velocities) == len(orbit.velocities)
@@ -156,9 +154,9 @@ def test_a_rest_that_rounding_repeats_is_no_orbit(osc):
     stick = from_release(osc, 1000)
     assert stick is not None
     assert find_sticking_orbit(osc) == []
-    found = vi.find_orbit(osc, n_periods=stick.periods, n_impacts=-1)
-    assert (found, found.outcome) == ([], "none")
-    assert "rounding decides" in found.message
+    orbits = vi.find_orbit(osc, n_periods=stick.periods, n_impacts=-1)
+    assert (orbits, orbits.outcome) == ([], "none")
+    assert "rounding decides" in orbits.message
 
 
 def test_maps_and_orbits_agree_on_which_rests_repeat():
@@ -219,7 +217,7 @@ def test_a_graze_in_the_flight_does_not_end_sticking():
 
 
 def test_the_end_of_sticking_of_the_default_oscillator_to_twenty_digits_by_independent_code():
-    point = end_of_sticking(vi.ImpactOscillator(), "omega", (0.3, 0.4))
+    point = vi.end_of_sticking(vi.ImpactOscillator(), "omega", (0.3, 0.4))
     assert point.found
     assert point.n_periods == 1
     assert point.value == pytest.approx(END, rel=1e-15)
@@ -232,19 +230,19 @@ def test_the_end_of_sticking_of_the_default_oscillator_to_twenty_digits_by_indep
 
 def test_the_end_is_the_same_from_either_side_and_in_hertz():
     osc = vi.ImpactOscillator()
-    assert end_of_sticking(osc, "omega", (0.36, 0.33)).value == pytest.approx(END, rel=1e-15)
-    assert 2 * math.pi * end_of_sticking(osc, "frequency", (0.05, 0.06)).value == pytest.approx(END, rel=1e-14)
+    assert vi.end_of_sticking(osc, "omega", (0.36, 0.33)).value == pytest.approx(END, rel=1e-15)
+    assert 2 * math.pi * vi.end_of_sticking(osc, "frequency", (0.05, 0.06)).value == pytest.approx(END, rel=1e-14)
 
 
 def test_the_end_scales_with_mass_and_damping():
-    scaled = end_of_sticking(vi.ImpactOscillator(mass=0.25, damping=0.005), "omega", (0.6, 0.8))
+    scaled = vi.end_of_sticking(vi.ImpactOscillator(mass=0.25, damping=0.005), "omega", (0.6, 0.8))
     assert scaled.value == pytest.approx(2 * END, rel=1e-14)
 
 
 @pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8, 0.9])
 def test_the_stuck_time_vanishes_with_the_power_that_self_similar_chatter_gives(restitution):
     osc = vi.ImpactOscillator(restitution=restitution)
-    end = end_of_sticking(osc, "omega", (0.05, 2.0)).value
+    end = vi.end_of_sticking(osc, "omega", (0.05, 2.0)).value
     near, far = (stuck_fraction(restitution=restitution, omega=end * (1 - d)) for d in (1e-10, 1e-7))
     assert math.log(far / near) / math.log(1e3) == pytest.approx(scaling_exponent(restitution), abs=0.02)
 
@@ -258,7 +256,7 @@ def test_the_exponent_of_the_stuck_time_runs_from_one_to_three_fifths():
 
 
 def test_without_restitution_sticking_ends_where_a_flight_lasts_from_release_to_release():
-    point = end_of_sticking(vi.ImpactOscillator(restitution=0.0), "omega", (1.0, 2.5))
+    point = vi.end_of_sticking(vi.ImpactOscillator(restitution=0.0), "omega", (1.0, 2.5))
     w, c = point.value, 0.01
     inertia, damper = 1 - w * w, c * w
     size = 1 / (inertia**2 + damper**2)
@@ -273,7 +271,7 @@ def test_without_restitution_sticking_ends_where_a_flight_lasts_from_release_to_
 
 def test_both_ends_of_a_period_2_window_are_ends_of_sticking():
     osc = vi.ImpactOscillator()
-    low, high = (end_of_sticking(osc, "omega", (3.005, away)) for away in (3.0, 3.0125))
+    low, high = (vi.end_of_sticking(osc, "omega", (3.005, away)) for away in (3.0, 3.0125))
     assert low.found
     assert high.found
     assert (low.n_periods, high.n_periods) == (2, 2)
@@ -284,7 +282,7 @@ def test_both_ends_of_a_period_2_window_are_ends_of_sticking():
 
 def test_a_longer_cycle_is_lost_to_the_end_of_a_shorter_one():
     # Period 6 at w = 3 gives way to period 2: the boundary found is where the chatter of period 2 is just complete.
-    point = end_of_sticking(vi.ImpactOscillator(), "omega", (3.0, 3.005))
+    point = vi.end_of_sticking(vi.ImpactOscillator(), "omega", (3.0, 3.005))
     assert point.n_periods == 2
     assert point.found
 
@@ -302,7 +300,7 @@ def test_a_longer_cycle_is_lost_to_the_end_of_a_shorter_one():
     ],
 )
 def test_sticking_ends_in_any_parameter_with_a_vanishing_stuck_time(numbers, parameter, between):
-    point = end_of_sticking(vi.ImpactOscillator(**numbers), parameter, between)
+    point = vi.end_of_sticking(vi.ImpactOscillator(**numbers), parameter, between)
     assert point.found
     assert point.stuck_fraction < 1e-8
     assert point.residual < 1e-10
@@ -310,7 +308,7 @@ def test_sticking_ends_in_any_parameter_with_a_vanishing_stuck_time(numbers, par
 
 
 def test_a_preload_that_is_never_lifted_is_no_end_of_sticking():
-    point = end_of_sticking(vi.ImpactOscillator(omega=0.1), "gap", (0.0, -1.1))
+    point = vi.end_of_sticking(vi.ImpactOscillator(omega=0.1), "gap", (0.0, -1.1))
     assert point.outcome == "pressed_for_ever"
     assert point.value == pytest.approx(-1.0, abs=1e-6)
     assert not point.found
@@ -318,7 +316,7 @@ def test_a_preload_that_is_never_lifted_is_no_end_of_sticking():
 
 @pytest.mark.parametrize("between", [(0.1, 0.2), (1.1, 1.2)])
 def test_without_a_change_between_no_end_is_made_up(between):
-    point = end_of_sticking(vi.ImpactOscillator(), "omega", between)
+    point = vi.end_of_sticking(vi.ImpactOscillator(), "omega", between)
     assert point.outcome == "no_change"
     assert "give values with a change" in point.message
     assert math.isnan(point.value)
@@ -326,7 +324,7 @@ def test_without_a_change_between_no_end_is_made_up(between):
 
 def test_a_stuck_time_that_jumps_is_never_passed_off_as_the_end_of_sticking():
     # After some fifty chaotic periods neighbouring numbers already come to rest in different periods.
-    point = end_of_sticking(vi.ImpactOscillator(), "omega", (2.8644, 2.8645))
+    point = vi.end_of_sticking(vi.ImpactOscillator(), "omega", (2.8644, 2.8645))
     assert point.outcome == "unresolved"
     assert point.stuck_fraction > 1e-3
     assert "magnifies rounding" in point.message
@@ -334,13 +332,13 @@ def test_a_stuck_time_that_jumps_is_never_passed_off_as_the_end_of_sticking():
 
 @pytest.fixture(scope="module")
 def default_end():
-    return end_of_sticking(vi.ImpactOscillator(), "omega", (0.3, 0.4))
+    return vi.end_of_sticking(vi.ImpactOscillator(), "omega", (0.3, 0.4))
 
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_without_a_gap_the_end_of_sticking_knows_no_amplitude(default_end, order):
     names, ranges = ("omega", "amplitude")[::order], ((0.2, 0.5), (0.5, 2.0))[::order]
-    curve = continue_boundary(default_end, names, ranges, step=0.02)
+    curve = vi.continue_boundary(default_end, names, ranges, step=0.02)
     omega, amplitude = curve.values.T[::order]
     assert curve.outcome == ("range", "range")
     assert omega == pytest.approx(END, rel=1e-14)
@@ -349,7 +347,7 @@ def test_without_a_gap_the_end_of_sticking_knows_no_amplitude(default_end, order
 
 
 def test_a_curve_that_begins_on_the_edge_of_the_ranges_leads_away_from_it(default_end):
-    curve = continue_boundary(default_end, ("omega", "mass"), ((default_end.value, 0.6), (0.5, 2.0)), step=0.02)
+    curve = vi.continue_boundary(default_end, ("omega", "mass"), ((default_end.value, 0.6), (0.5, 2.0)), step=0.02)
     assert curve.outcome == ("range", "range")
     assert curve.values[-1].tolist() == [default_end.value, 1.0]
     assert curve.values[0, 1] == 0.5
@@ -358,7 +356,7 @@ def test_a_curve_that_begins_on_the_edge_of_the_ranges_leads_away_from_it(defaul
 
 def test_a_curve_of_ends_of_sticking_may_be_stopped_on_request(default_end):
     plane = ("omega", "restitution"), ((0.1, 2.5), (0.0, 0.9))
-    curve = continue_boundary(default_end, *plane, progress=lambda done, total, partial: done < 5)
+    curve = vi.continue_boundary(default_end, *plane, progress=lambda done, total, partial: done < 5)
     assert curve.outcome == ("stopped", "stopped")
     assert 5 <= len(curve.orbits) <= 12
 
@@ -374,7 +372,7 @@ def test_a_curve_of_ends_of_sticking_may_be_stopped_on_request(default_end):
     ],
 )
 def test_all_along_the_curve_the_stuck_time_is_zero_and_sticking_lies_on_one_side(default_end, names, ranges):
-    curve = continue_boundary(default_end, names, ranges, step=0.02)
+    curve = vi.continue_boundary(default_end, names, ranges, step=0.02)
     assert curve.outcome == ("range", "range"), curve.message
     assert len(curve.orbits) > 10
     assert max(curve.residuals) < 1e-10
@@ -390,23 +388,23 @@ def test_all_along_the_curve_the_stuck_time_is_zero_and_sticking_lies_on_one_sid
         return bool(find_sticking_orbit(osc, n_periods=1, longest=1))
 
     for shift in (0.02, 1e-3):
-        left = [sticks(at) for at in inner + shift * across * width]
+        resting = [sticks(at) for at in inner + shift * across * width]
         right = [sticks(at) for at in inner - shift * across * width]
-        assert all(a != b and a == left[0] for a, b in zip(left, right, strict=True))
+        assert all(a != b and a == resting[0] for a, b in zip(resting, right, strict=True))
 
 
 def test_the_curve_passes_through_ends_found_one_by_one(default_end):
-    curve = continue_boundary(default_end, ("omega", "mass"), ((0.1, 2.0), (0.1, 5.0)), step=0.02)
+    curve = vi.continue_boundary(default_end, ("omega", "mass"), ((0.1, 2.0), (0.1, 5.0)), step=0.02)
     omega, mass = curve.values.T
     for at in range(0, len(curve.orbits), 4):
         osc = vi.ImpactOscillator(mass=mass[at])
-        alone = end_of_sticking(osc, "omega", (0.98 * omega[at], 1.02 * omega[at]))
+        alone = vi.end_of_sticking(osc, "omega", (0.98 * omega[at], 1.02 * omega[at]))
         assert omega[at] == pytest.approx(alone.value, rel=1e-13)
 
 
 def test_a_tongue_of_period_2_sticking_is_followed_around_its_tip():
-    start = end_of_sticking(vi.ImpactOscillator(), "omega", (3.005, 3.0125))
-    curve = continue_boundary(start, ("omega", "restitution"), ((2.9, 3.1), (0.6, 0.99)), step=0.02)
+    start = vi.end_of_sticking(vi.ImpactOscillator(), "omega", (3.005, 3.0125))
+    curve = vi.continue_boundary(start, ("omega", "restitution"), ((2.9, 3.1), (0.6, 0.99)), step=0.02)
     assert curve.outcome == ("range", "range"), curve.message
     # At the tip a graze lies on the curve: there the stuck time has an infinite slope, and the root of 1e-16 is left.
     assert max(curve.residuals) < 1e-7
@@ -415,7 +413,7 @@ def test_a_tongue_of_period_2_sticking_is_followed_around_its_tip():
     assert restitution[[0, -1]] == pytest.approx([0.6, 0.6], rel=1e-14)
     assert restitution.max() > 0.93
     ends = [
-        end_of_sticking(vi.ImpactOscillator(restitution=0.6), "omega", (0.5 * sum(omega[[0, -1]]), away)).value
+        vi.end_of_sticking(vi.ImpactOscillator(restitution=0.6), "omega", (0.5 * sum(omega[[0, -1]]), away)).value
         for away in (2.9, 3.1)
     ]
     assert sorted(omega[[0, -1]]) == pytest.approx(sorted(ends), rel=1e-13)
@@ -426,22 +424,22 @@ def test_bad_requests_name_what_is_wrong(default_end):
     with pytest.raises(ValueError, match="`n_periods` must be .*, got 0"):
         find_sticking_orbit(osc, n_periods=0)
     with pytest.raises(ValueError, match="unknown parameter 'speed'"):
-        end_of_sticking(osc, "speed", (0.3, 0.4))
+        vi.end_of_sticking(osc, "speed", (0.3, 0.4))
     with pytest.raises(ValueError, match="`between` must be two different values"):
-        end_of_sticking(osc, "omega", (0.3, 0.3))
+        vi.end_of_sticking(osc, "omega", (0.3, 0.3))
     with pytest.raises(ValueError, match="`between` must be two values of omega, got 0.3"):
-        end_of_sticking(osc, "omega", 0.3)
+        vi.end_of_sticking(osc, "omega", 0.3)
     with pytest.raises(ValueError, match="`restitution` must be between 0 and 1, got 1.5"):
-        end_of_sticking(osc, "restitution", (0.3, 1.5))
+        vi.end_of_sticking(osc, "restitution", (0.3, 1.5))
     ranges = ((0.3, 0.4), (0.5, 2.0))
     with pytest.raises(ValueError, match="`step` must be .*, got 0"):
-        continue_boundary(default_end, ("omega", "mass"), ranges, step=0)
+        vi.continue_boundary(default_end, ("omega", "mass"), ranges, step=0)
     with pytest.raises(ValueError, match="two different parameters"):
-        continue_boundary(default_end, ("omega", "omega"), ranges)
+        vi.continue_boundary(default_end, ("omega", "omega"), ranges)
     with pytest.raises(ValueError, match="`range` must be .* holds the orbit's omega"):
-        continue_boundary(default_end, ("omega", "mass"), ((0.1, 0.2), (0.5, 2.0)))
+        vi.continue_boundary(default_end, ("omega", "mass"), ((0.1, 0.2), (0.5, 2.0)))
     with pytest.raises(ValueError, match="`point` must be .*, got 'no_change'"):
-        continue_boundary(end_of_sticking(osc, "omega", (0.1, 0.2)), ("omega", "mass"), ranges)
+        vi.continue_boundary(vi.end_of_sticking(osc, "omega", (0.1, 0.2)), ("omega", "mass"), ranges)
 
 
 def test_a_branch_of_the_sticking_orbit_goes_to_its_end_and_leads_on_to_the_curve_of_ends():
@@ -455,7 +453,7 @@ def test_a_branch_of_the_sticking_orbit_goes_to_its_end_and_leads_on_to_the_curv
         assert rest.end % 1.0 == pytest.approx(one.release_phase, abs=1e-12)
         assert (rest.end - rest.begin) * one.oscillator.period == pytest.approx(one.stuck_time, rel=1e-9)
     (end,) = branch.special
-    known = end_of_sticking(osc, "omega", (0.3, 0.4))
+    known = vi.end_of_sticking(osc, "omega", (0.3, 0.4))
     assert (end.kind, end.value) == ("end_of_sticking", pytest.approx(known.value, rel=1e-15))
     plane = ("omega", "restitution"), ((0.3, 0.4), (0.7, 0.9))
     ours, theirs = (vi.continue_boundary(point, *plane, step=0.1) for point in (end, known))

@@ -20,11 +20,11 @@ import zarr
 import store_driver as driver
 import vibroimpact as vi
 from fenced import ROOT
+from processes import DRIVER, told_by
 from vibroimpact.execution.layout import StoreBusy
 from vibroimpact.execution.store import SweepStore
 
 posix = pytest.mark.skipif(os.name == "nt", reason="signals and forks are those of POSIX")
-DRIVER = [sys.executable, str(Path(driver.__file__))]
 
 
 @pytest.fixture(scope="module")
@@ -45,13 +45,6 @@ def finished(tmp_path_factory):
 def store(finished, tmp_path):
     """Return a finished store of one's own."""
     return Path(shutil.copytree(finished, tmp_path / "run.zarr"))
-
-
-def told_by(command: str, folder: Path, *arguments: object) -> dict:
-    """Run the driver; return what it tells."""
-    done = subprocess.run([*DRIVER, command, folder, *map(str, arguments)], capture_output=True, text=True, timeout=600)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
 
 
 def refused_by(job) -> str:
@@ -98,12 +91,12 @@ def resumed(store: Path) -> int:
 @posix
 @pytest.mark.parametrize(("sent", "times", "code"), [("SIGKILL", 32, -9), ("SIGINT", 12, 130)])
 def test_a_sweep_ended_at_random_moments_is_in_the_end_the_uninterrupted_one(tmp_path, whole, sent, times, code):
-    told = told_by("harm", tmp_path, times, sent, "sweep")
-    assert told["code"] == 0
-    assert set(told["codes"]) <= {0, code}
-    assert told["codes"].count(code) >= times
-    assert 0 < told["unborn"] < times  # some while the store was made, some later
-    names = {"whole.zarr", *(f"{number}.zarr" for number in range(told["stores"]))}
+    report = told_by("harm", tmp_path, times, sent, "sweep")
+    assert report["code"] == 0
+    assert set(report["codes"]) <= {0, code}
+    assert report["codes"].count(code) >= times
+    assert 0 < report["unborn"] < times  # some while the store was made, some later
+    names = {"whole.zarr", *(f"{number}.zarr" for number in range(report["stores"]))}
     assert {entry.name for entry in tmp_path.iterdir()} == names
     for name in names:
         assert_whole(tmp_path / name, whole)
@@ -120,10 +113,10 @@ def test_after_ctrl_c_nothing_more_is_written_and_finished_tiles_are_kept(tmp_pa
         process.send_signal(signal.SIGINT)
     out, complaints = process.communicate(timeout=600)
     assert (process.returncode, complaints) == (0, "")
-    told = json.loads(out.splitlines()[-1])
-    assert told["quiet"]
-    assert 1 <= told["done"] < driver.TILES
-    assert resumed(store) == driver.TILES - told["done"]
+    report = json.loads(out.splitlines()[-1])
+    assert report["quiet"]
+    assert 1 <= report["done"] < driver.TILES
+    assert resumed(store) == driver.TILES - report["done"]
     assert_whole(store, whole)
 
 
@@ -187,9 +180,9 @@ def test_where_files_cannot_grow_the_error_says_what_to_do_and_finished_tiles_st
     calls = []
     driver.sweep(store, progress=lambda *news: calls.append(news) or len(calls) < 6)
     before = SweepStore(store).records()
-    told = told_by("small_files", store)
-    assert "`store` is" in told["told"]
-    assert "File too large); finished tiles are kept; make room there" in told["told"]
+    report = told_by("small_files", store)
+    assert "`store` is" in report["told"]
+    assert "File too large); finished tiles are kept; make room there" in report["told"]
     assert np.array_equal(before, SweepStore(store).records())
     assert resumed(store) == driver.TILES - int((before[:, 0] > 0).sum())
     assert_whole(store, whole)
@@ -201,9 +194,9 @@ def small_disk(folder: Path, size: str):
     folder.mkdir()
     if sys.platform != "linux" or os.geteuid() != 0:
         pytest.skip("only root can mount a small disk")
-    made = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", folder], capture_output=True)
-    if made.returncode:
-        pytest.skip(f"a small disk cannot be mounted here: {made.stderr.decode().strip()}")
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", folder], capture_output=True)
+    if mounted.returncode:
+        pytest.skip(f"a small disk cannot be mounted here: {mounted.stderr.decode().strip()}")
     try:
         yield folder
     finally:

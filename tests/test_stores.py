@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import pytest
 import xarray as xr
 from matplotlib import pyplot as plt
 
-import store_driver as driver
 import vibroimpact as vi
-from vibroimpact import parameters
+from processes import told_by
 from vibroimpact.backends.cpu import CpuBackend
 from vibroimpact.execution import threads
 from vibroimpact.execution.base import cut
 from vibroimpact.execution.store import SweepStore
-
-matplotlib.use("Agg")
 
 OSC = vi.ImpactOscillator()
 OMEGA, MASS = np.linspace(0.3, 4.0, 23), np.linspace(0.5, 2.0, 17)
@@ -184,15 +177,15 @@ def test_a_partly_finished_store_opens_without_a_warning_and_its_root_holds_resu
 
 def test_what_is_missing_is_told_by_the_dataset_and_by_the_summary(partly):
     store = SweepStore(partly)
-    told, dataset = store.summary(), store.dataset().load()
+    summary, dataset = store.summary(), store.dataset().load()
     missing = int((dataset["status"] == vi.Status.INTERRUPTED).sum())
-    assert dataset.attrs["cells_missing"] == missing == told["cells"] - told["cells_done"]
-    assert (told["cells"], told["tiles"]) == (391, len(store.tiling))
-    assert 5 <= told["tiles_done"] < told["tiles"]
-    assert told["impacts"] == dataset.attrs["impacts_computed"] > 0
-    assert 0.0 < told["seconds"] < 60.0
+    assert dataset.attrs["cells_missing"] == missing == summary["cells"] - summary["cells_done"]
+    assert (summary["cells"], summary["tiles"]) == (391, len(store.tiling))
+    assert 5 <= summary["tiles_done"] < summary["tiles"]
+    assert summary["impacts"] == dataset.attrs["impacts_computed"] > 0
+    assert 0.0 < summary["seconds"] < 60.0
     words = {status.word: int((dataset["status"] == status).sum()) for status in vi.Status}
-    assert told["statuses"] == {word: count for word, count in words.items() if count and word != "interrupted"}
+    assert summary["statuses"] == {word: count for word, count in words.items() if count and word != "interrupted"}
 
 
 def test_a_store_of_which_nothing_is_done_opens(tmp_path):
@@ -207,8 +200,8 @@ def test_the_picture_of_a_partly_finished_store_says_which_part_is_missing(partl
     ax = vi.plotting.index_contour(SweepStore(partly).dataset())
     legend = ax.get_legend() or ax.get_figure().legends[0]
     missing = SweepStore(partly).dataset().attrs["cells_missing"]
-    told = [text.get_text() for text in legend.get_texts()]
-    assert any("interrupted" in words and f"{missing} cells" in words for words in told), told
+    lines = [text.get_text() for text in legend.get_texts()]
+    assert any("interrupted" in words and f"{missing} cells" in words for words in lines), lines
     vi.plotting.index_surface(SweepStore(partly).dataset())
     plt.close("all")
 
@@ -227,15 +220,13 @@ def test_the_curve_of_a_partly_finished_store_says_which_part_is_missing(tmp_pat
 
 @pytest.mark.long
 def test_a_map_of_sixteen_million_cells_is_begun_in_bounded_memory(tmp_path):
-    command = [sys.executable, driver.__file__, "large", tmp_path / "run.zarr"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=240, check=True)
-    told = json.loads(done.stdout.splitlines()[-1])
-    assert 15_900_000 < told["missing"] < 16_000_000
-    assert told["MB"] < 1000.0  # a quarter of it once the kernels are compiled
+    report = told_by("large", tmp_path / "run.zarr")
+    assert 15_900_000 < report["missing"] < 16_000_000
+    assert report["MB"] < 1000.0  # a quarter of it once the kernels are compiled
 
 
-def test_only_what_cannot_work_is_refused_of_a_store(tmp_path, monkeypatch):
-    monkeypatch.setattr(parameters, "installed", lambda: 4_000_000)
+def test_only_what_cannot_work_is_refused_of_a_store(tmp_path, memory):
+    memory(4_000_000)
     wide = {"omega": np.linspace(1, 2, 20_000), "mass": np.linspace(1, 2, 5_000), "progress": lambda *news: False}
     stored = vi.parameter_map(OSC, store=tmp_path / "run.zarr", sample_impacts=1, **wide)  # 1e8 cells in 4 MB
     assert stored["status"].size == 100_000_000
@@ -326,11 +317,11 @@ def test_what_cannot_be_stored_is_refused_and_what_lies_there_left_alone(tmp_pat
 def test_a_failing_back_end_ends_the_sweep_and_frees_the_store(tmp_path, monkeypatch):
     share, begun = CpuBackend.share, []
 
-    def fail(backend, cells, asked):
+    def fail(backend, cells, wanted):
         begun.append(len(cells))
         if len(begun) == 3:
             raise MemoryError("no room for the cells")
-        return share(backend, cells, asked)
+        return share(backend, cells, wanted)
 
     with monkeypatch.context() as patched:
         patched.setattr(CpuBackend, "share", fail)

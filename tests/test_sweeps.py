@@ -64,13 +64,13 @@ def test_everything_is_labelled(whole):
 
 
 def test_progress_counts_cells_and_hands_on_the_map_so_far():
-    seen = []
+    news = []
     result = sweep(
-        progress=lambda done, total, partial: seen.append((done, total, int((partial["status"] == 9).sum())))
+        progress=lambda done, total, partial: news.append((done, total, int((partial["status"] == 9).sum())))
     )
-    assert seen[-1] == (161, 161, 0)
-    assert [done for done, _, _ in seen] == sorted(done for done, _, _ in seen)
-    assert all(total - done == missing for done, total, missing in seen)
+    assert news[-1] == (161, 161, 0)
+    assert [done for done, _, _ in news] == sorted(done for done, _, _ in news)
+    assert all(total - done == missing for done, total, missing in news)
     assert result.attrs["impacts_computed"] >= 161 * 130 * 0.5
 
 

@@ -50,8 +50,8 @@ def check_the_orbits(system, found):
         assert one.orbit.stable
         assert one.orbit.admissible
         if one.n_impacts == 1:
-            known = vi.find_orbit(system, n_periods=one.n_periods)
-            assert any(same_orbit(orbit, one.orbit, tolerance=NEAR) for orbit in known), (one.name, known.message)
+            orbits = vi.find_orbit(system, n_periods=one.n_periods)
+            assert any(same_orbit(orbit, one.orbit, tolerance=NEAR) for orbit in orbits), (one.name, orbits.message)
     for orbit in (orbit for n in (1, 2) for orbit in vi.find_orbit(system, n_periods=n)):
         if orbit.stable and orbit.admissible and orbit.spectral_radius < SETTLES:
             assert any(same_orbit(orbit, one.orbit, tolerance=NEAR) for one in cycles), (orbit.name, orbit.velocities)
@@ -72,8 +72,8 @@ def check_the_starts(system, found):
 @pytest.mark.parametrize("seed", range(SEEDS))
 def test_all_that_is_said_of_a_random_machine_agrees(seed):
     system = a_random_machine(np.random.default_rng([38, seed]))
-    verdict, found = vi.describe(system, parameters=[], workers=1), vi.attractors(system, workers=1)
-    assert {(one.start, one.share) for one in found} <= {(one.start, one.share) for one in verdict.attractors}
+    verdict, motions = vi.describe(system, parameters=[], workers=1), vi.attractors(system, workers=1)
+    assert {(one.start, one.share) for one in motions} <= {(one.start, one.share) for one in verdict.attractors}
     check_the_map(system, verdict)
-    check_the_orbits(system, found)
-    check_the_starts(system, found)
+    check_the_orbits(system, motions)
+    check_the_starts(system, motions)

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from systems import one_mass
-from test_system_continuation import GRAVITY, ball, of_the_ball, points, symmetric
-from test_system_orbits import facing, three_masses, two_sided
-from vibroimpact.continuation import Boundaries, boundary_curves, continue_boundary, continue_orbit, coverage, curves
+from contents import special_points
+from systems import chain, one_mass, two_sided
+from test_system_continuation import GRAVITY, ball, of_the_ball, symmetric
+from vibroimpact.continuation import Boundaries, coverage, curves
 from vibroimpact.continuation.curves import curves_through
 from vibroimpact.continuation.results import kinds_of
 from vibroimpact.dataset import bundle
-from vibroimpact.orbits import find_orbit, orbit_distance
+from vibroimpact.orbits import orbit_distance
 from vibroimpact.report import sentences_of
 
 pytestmark = pytest.mark.usefixtures("modal_engine")
@@ -19,21 +19,20 @@ pytestmark = pytest.mark.usefixtures("modal_engine")
 
 @vi.family
 def symmetric_family(omega=2.0, gap=0.5, restitution=0.6):
-    force = vi.Force(omega=omega, harmonics={1: 1.0})
-    return two_sided(force=force, stops=facing([1.0], gap, restitution))
+    return two_sided(omega, restitution, gap)
 
 
 @pytest.fixture(scope="module")
 def pitchfork():
     model = symmetric_family.replace(omega=2.0)
-    orbit = next(found for found in find_orbit(model, n_impacts=2) if found.symmetric and found.stable)
-    return points(continue_orbit(orbit, "omega", (1.0, 2.1), step=0.1), "pitchfork")[0]
+    orbit = next(found for found in vi.find_orbit(model, n_impacts=2) if found.symmetric and found.stable)
+    return special_points(vi.continue_orbit(orbit, "omega", (1.0, 2.1), step=0.1), "pitchfork")[0]
 
 
 @pytest.mark.long
 def test_boundaries_of_the_ball_are_the_closed_forms():
     plane = ("amplitude", "restitution"), ((0.01, 0.04), (0.4, 0.9))
-    found = boundary_curves(ball, *plane, n_periods=(1,), lines=2, step=0.1)
+    found = vi.boundary_curves(ball, *plane, n_periods=(1,), lines=2, step=0.1)
     assert {curve.kind for curve in found} == {"fold", "period_doubling"}
     for curve in found:
         for orbit, residual in zip(curve.orbits, curve.residuals, strict=True):
@@ -45,20 +44,22 @@ def test_boundaries_of_the_ball_are_the_closed_forms():
 
 def test_one_mass_as_a_system_has_the_boundaries_of_the_oscillator():
     osc = vi.ImpactOscillator(omega=2.6)
-    (point,) = points(continue_orbit(vi.find_orbit(one_mass(osc))[0], "omega", (2.5, 2.7), step=0.1), "period_doubling")
-    curve = continue_boundary(point, ("omega", "stop_1_restitution"), ((2.4, 2.9), (0.6, 0.95)), step=0.1)
+    (point,) = special_points(
+        vi.continue_orbit(vi.find_orbit(one_mass(osc))[0], "omega", (2.5, 2.7), step=0.1), "period_doubling"
+    )
+    curve = vi.continue_boundary(point, ("omega", "stop_1_restitution"), ((2.4, 2.9), (0.6, 0.95)), step=0.1)
     for orbit in curve.orbits:
         at = osc.replace(omega=orbit.value("omega"), restitution=orbit.value("stop_1_restitution"))
-        known = min(find_orbit(at), key=lambda other: orbit_distance(other, orbit))
+        known = min(vi.find_orbit(at), key=lambda other: orbit_distance(other, orbit))
         assert 1 + known.trace + known.determinant == pytest.approx(0, abs=1e-10)
 
 
 @pytest.mark.long(but=1)
 @pytest.mark.parametrize("kind", ["neimark_sacker", "grazing"])
 def test_a_boundary_of_three_masses_keeps_its_condition(kind):
-    branch = continue_orbit(vi.find_orbit(three_masses())[0], "bar_gap", (0.1, 0.87), step=0.1)
-    curve = continue_boundary(
-        points(branch, kind)[0], ("bar_gap", "bar_restitution"), ((0.1, 0.9), (0.5, 0.9)), step=0.1
+    branch = vi.continue_orbit(vi.find_orbit(chain())[0], "bar_gap", (0.1, 0.87), step=0.1)
+    curve = vi.continue_boundary(
+        special_points(branch, kind)[0], ("bar_gap", "bar_restitution"), ((0.1, 0.9), (0.5, 0.9)), step=0.1
     )
     assert curve.outcome == ("range", "range")
     assert max(curve.residuals) < 1e-10
@@ -70,7 +71,7 @@ def test_a_boundary_of_three_masses_keeps_its_condition(kind):
 
 
 def test_pitchforks_are_followed_where_the_plane_keeps_the_symmetry(pitchfork):
-    curve = continue_boundary(pitchfork, ("omega", "restitution"), ((0.9, 2.1), (0.5, 0.8)), step=0.1)
+    curve = vi.continue_boundary(pitchfork, ("omega", "restitution"), ((0.9, 2.1), (0.5, 0.8)), step=0.1)
     assert curve.kind == "pitchfork"
     for orbit in curve.orbits:
         assert orbit.symmetric
@@ -82,18 +83,18 @@ def test_pitchforks_are_followed_where_the_plane_keeps_the_symmetry(pitchfork):
 )
 def test_a_plane_that_breaks_the_symmetry_has_no_pitchforks(plane):
     orbit = symmetric(two_sided())
-    (point, *_) = points(continue_orbit(orbit, "omega", (1.0, 2.1), step=0.1), "pitchfork")
+    (point, *_) = special_points(vi.continue_orbit(orbit, "omega", (1.0, 2.1), step=0.1), "pitchfork")
     with pytest.raises(ValueError, match="condition of a pitchfork"):
-        continue_boundary(point, *plane)
+        vi.continue_boundary(point, *plane)
 
 
 def test_an_end_of_sticking_of_a_system_is_refused():
     with pytest.raises(ValueError, match="end_of_sticking"):
-        boundary_curves(ball, ("amplitude", "omega"), ((0.01, 0.02), (10, 20)), kinds=["end_of_sticking"])
+        vi.boundary_curves(ball, ("amplitude", "omega"), ((0.01, 0.02), (10, 20)), kinds=["end_of_sticking"])
 
 
-def test_boundaries_of_systems_survive_files_and_are_drawn(tmp_path, pitchfork):
-    curve = continue_boundary(pitchfork, ("omega", "restitution"), ((0.9, 2.1), (0.55, 0.7)), step=0.2)
+def test_a_boundary_of_a_system_survives_files_and_is_drawn(tmp_path, pitchfork):
+    curve = vi.continue_boundary(pitchfork, ("omega", "restitution"), ((0.9, 2.1), (0.55, 0.7)), step=0.2)
     vi.save(curve.dataset, tmp_path / "curve.nc")
     assert vi.load(tmp_path / "curve.nc").identical(curve.dataset)
     ax = vi.plotting.boundaries(curve)
@@ -103,8 +104,8 @@ def test_boundaries_of_systems_survive_files_and_are_drawn(tmp_path, pitchfork):
 def test_the_graze_at_which_a_symmetric_orbit_of_two_impacts_ends_is_one_of_the_motion_without_impacts():
     """Both impacts have velocity 0 there: what touches is the steady motion, of no impact, as on R = g."""
     model = symmetric_family.replace(omega=2.0)
-    orbit = next(found for found in find_orbit(model, n_impacts=2) if found.symmetric and not found.stable)
-    (graze,) = points(continue_orbit(orbit, "omega", (1.5, 2.1), step=0.05, virtual=False), "grazing")
+    orbit = next(found for found in vi.find_orbit(model, n_impacts=2) if found.symmetric and not found.stable)
+    (graze,) = special_points(vi.continue_orbit(orbit, "omega", (1.5, 2.1), step=0.05, virtual=False), "grazing")
     system = graze.orbit.system
     stiffness, damping, mass = (float(np.ravel(part)[0]) for part in (system.stiffness, system.damping, system.mass))
     swing = 1.0 / abs(stiffness - mass * graze.value**2 + 1j * graze.value * damping)
@@ -127,7 +128,7 @@ def test_a_branch_along_which_a_contact_is_born_is_named_by_the_impacts_that_it_
         ],
         force=vi.Force(omega=2.0, harmonics={1: 1.0}),
     )
-    branch = continue_orbit(vi.find_orbit(pair, stops="above")[0], "below_gap", (1.0, 1.5))
+    branch = vi.continue_orbit(vi.find_orbit(pair, stops="above")[0], "below_gap", (1.0, 1.5))
     assert {orbit.n_impacts for orbit in branch.orbits} == {1, 2}
     texts = [text.get_text() for text in vi.plotting.branch_diagram(branch).get_legend().get_texts()]
     assert texts[0] == "period-1 impact-1 to impact-2"

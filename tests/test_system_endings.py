@@ -8,11 +8,10 @@ import pytest
 
 import vibroimpact as vi
 from systems import impacts, linear, system, two_masses
-from vibroimpact import Status
 from vibroimpact.backends.reference.systems import follow
 
-OK = {Status.OK, Status.SHORT_WINDOW}
-NONE, CEASE, STAYS = {Status.NO_IMPACT}, {Status.STOPPED_IMPACTING}, {Status.STUCK_FOREVER}
+OK = {vi.Status.OK, vi.Status.SHORT_WINDOW}
+NONE, CEASE, STAYS = {vi.Status.NO_IMPACT}, {vi.Status.STOPPED_IMPACTING}, {vi.Status.STUCK_FOREVER}
 BOUNCY = vi.Stop(direction=1, gap=1.0, restitution=0.5)
 STILL, APART = np.zeros((2, 2)), np.array([[1.0, -1.0], [-1.0, 1.0]])
 
@@ -56,9 +55,11 @@ def beside_one_that_swings(share, damping):
 
 def on_a_spring(force, **numbers):
     """Return a mass on a compliant stop, with a load."""
-    given = {"stiffness": 0.0, "damping": 0.0, "constant": 0.0, "k": 10.0, "c": 0.0} | numbers
-    stop = vi.Stop(direction=1, gap=0.0, stiffness=given["k"], damping=given["c"])
-    return system(1, given["damping"], given["stiffness"], 1.3, [stop], {1: force}, constant=[given["constant"]])
+    arguments = {"stiffness": 0.0, "damping": 0.0, "constant": 0.0, "k": 10.0, "c": 0.0} | numbers
+    stop = vi.Stop(direction=1, gap=0.0, stiffness=arguments["k"], damping=arguments["c"])
+    return system(
+        1, arguments["damping"], arguments["stiffness"], 1.3, [stop], {1: force}, constant=[arguments["constant"]]
+    )
 
 
 def corner():
@@ -125,8 +126,8 @@ def test_each_motion_of_a_system_ends_with_its_status_in_a_section_and_in_a_map(
         vi.impact_section(model, **how),
         vi.parameter_map(model, omega=[model.omega], early_closing=False, **how),
     )
-    assert Status(int(hits["status"])) in outcomes
-    assert Status(int(cell["status"][0])) in outcomes
+    assert vi.Status(int(hits["status"])) in outcomes
+    assert vi.Status(int(cell["status"][0])) in outcomes
     if outcomes is NONE or (name.startswith(("rests", "pressed from")) and outcomes is STAYS):
         assert hits.sizes["impact"] == 0
 
@@ -155,7 +156,7 @@ def test_a_stop_that_is_closed_before_and_after_a_window_makes_it_sticking():
     )
     hits = impacts(both, 40, 10)
     cell = vi.parameter_map(both, omega=[1.3], transient_impacts=10, sample_impacts=40)
-    assert Status(int(hits["status"])) == Status(int(cell["status"][0])) == Status.STICKING
+    assert vi.Status(int(hits["status"])) == vi.Status(int(cell["status"][0])) == vi.Status.STICKING
     hits = impacts(both, 30)
     assert set(hits["stop"].values) == {"stop_2"}
     assert hits["stick_stop"].values.tolist() == ["stop_1"]
@@ -178,13 +179,13 @@ def test_teeth_that_stay_pressed_while_their_force_comes_and_goes_are_in_contact
     """A damper takes the force to zero before the flanks part; the torque presses them on before they do."""
     pair, stiffness = vi.models.gear_pair(), [8.3e7, 8.38e7, 8.4e7, 8.45e7, 8.47e7]
     cells = vi.parameter_map(pair, drive_stiffness=stiffness, indices=["max_velocity"])
-    assert cells["status"].values.tolist() == [Status.STUCK_FOREVER] * 4 + [Status.CLOSED]
+    assert cells["status"].values.tolist() == [vi.Status.STUCK_FOREVER] * 4 + [vi.Status.CLOSED]
     for one in stiffness[1:4]:
         changed = pair.replace(drive_stiffness=one)
         late = vi.simulate(changed, periods=400).isel(time=slice(-4000, None), stop=0)
         assert late["clearance"].max() < 0.0
         assert (late["force"] == 0.0).any()
-        assert int(impacts(changed, 100)["status"]) == Status.STUCK_FOREVER
+        assert int(impacts(changed, 100)["status"]) == vi.Status.STUCK_FOREVER
         assert vi.describe(changed, parameters=[], workers=1).motion.name == "permanently in contact"
 
 
@@ -195,9 +196,9 @@ def test_a_mass_between_a_rigid_stop_and_one_that_gives_at_its_rest_position_is_
     alone = system(1.0, 0.07, 2.7 + 39.4, 1.6, stops[:1], force={1: 1.0})
     columns = []
     for one in (between, alone):
-        seen = impacts(one, 1000)
-        hard = (seen["stop"].values == "stop_1") & (seen["velocity"].values > 1e-6)  # how a chatter ends is scaled by V
-        columns.append(np.array([seen["time"].values[hard], seen["velocity"].values[hard]])[:, :300])
+        hits = impacts(one, 1000)
+        hard = (hits["stop"].values == "stop_1") & (hits["velocity"].values > 1e-6)  # how a chatter ends is scaled by V
+        columns.append(np.array([hits["time"].values[hard], hits["velocity"].values[hard]])[:, :300])
     assert columns[0].shape == columns[1].shape == (2, 300)
     assert columns[0] == pytest.approx(columns[1], rel=1e-8, abs=1e-12)
     cells = [vi.parameter_map(one, omega=[1.6], indices=["n_periods"]) for one in (between, alone)]
@@ -237,7 +238,7 @@ def of_any_kind(rng):
 @pytest.mark.long
 def test_motions_said_to_have_no_more_impacts_have_none_in_a_thousand_periods():
     """And those said to be in contact are: no impact, no release, and a stop that is touched or pushed in."""
-    seen = dict.fromkeys(Status, 0)
+    counts = dict.fromkeys(vi.Status, 0)
     for seed in range(60 if "FUZZ" not in os.environ else 1000):
         rng = np.random.default_rng([38, seed])
         try:
@@ -245,26 +246,26 @@ def test_motions_said_to_have_no_more_impacts_have_none_in_a_thousand_periods():
             hits = impacts(model, 60)
         except ValueError:  # two stops leave no room
             continue
-        status = Status(int(hits["status"]))
+        status = vi.Status(int(hits["status"]))
         cell = vi.parameter_map(model, omega=[model.omega], indices=["std"], transient_impacts=0, sample_impacts=60)
-        seen[status] += 1
-        assert (Status(int(cell["status"][0])) == status) or status <= Status.SHORT_WINDOW, seed
-        if status not in (Status.NO_IMPACT, Status.STOPPED_IMPACTING, Status.STUCK_FOREVER):
+        counts[status] += 1
+        assert (vi.Status(int(cell["status"][0])) == status) or status <= vi.Status.SHORT_WINDOW, seed
+        if status not in (vi.Status.NO_IMPACT, vi.Status.STOPPED_IMPACTING, vi.Status.STUCK_FOREVER):
             continue
         last = float(hits["time"].values[-1]) if hits.sizes["impact"] else 0.0
         periods = math.ceil(last / model.period) + 1000
         motion = vi.simulate(model, periods=periods, samples_per_period=4)
         assert motion.sizes["impact"] == hits.sizes["impact"], seed
         held = bool(np.isnan(motion["release_time"]).any())  # by a rigid stop
-        assert (int(motion["status"]) == Status.STUCK_FOREVER) == held, seed
+        assert (int(motion["status"]) == vi.Status.STUCK_FOREVER) == held, seed
         at = slice(-400, None)
         places = zip(motion["displacement"].values[at], motion["time"].values[at], strict=True)
         least = np.array([model.clearances(q, time=t) for q, t in places])
         touched = (least <= 1e-6 * (1.0 + np.abs(motion["displacement"].values[at]).max())).all(axis=0)
-        assert touched.any() == (status == Status.STUCK_FOREVER), seed
+        assert touched.any() == (status == vi.Status.STUCK_FOREVER), seed
         if seed < 30:  # the witness has the same contacts, 20 periods later
             start, _, _ = model.initial()
             end = follow(linear(model), start, 0.0 * start, impacts=1000, most_periods=periods - 980)
-            assert bool(end.closed or end.pushing) == (status == Status.STUCK_FOREVER), seed
-    assert seen[Status.BUDGET] <= 0.05 * sum(seen.values())
-    assert min(seen[Status.NO_IMPACT], seen[Status.STOPPED_IMPACTING], seen[Status.STUCK_FOREVER]) > 3
+            assert bool(end.closed or end.pushing) == (status == vi.Status.STUCK_FOREVER), seed
+    assert counts[vi.Status.BUDGET] <= 0.05 * sum(counts.values())
+    assert min(counts[vi.Status.NO_IMPACT], counts[vi.Status.STOPPED_IMPACTING], counts[vi.Status.STUCK_FOREVER]) > 3

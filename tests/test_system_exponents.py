@@ -8,13 +8,20 @@ import pytest
 import vibroimpact as vi
 from codes import Engine, differences, later
 from designs import RESTS
-from systems import beside_its_centre, between_stops, chain, free_masses, one_mass, sticking, system
-from test_system_orbits import bouncing_ball
+from systems import (
+    beside_its_centre,
+    between_stops,
+    bouncing_ball,
+    chain,
+    free_masses,
+    free_pair,
+    one_mass,
+    sticking,
+    system,
+)  # fmt: skip
 from vibroimpact.backends.modal.carry import Carrier
 from vibroimpact.contact import hunt_crossley, piecewise
-from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.motion import MotionClass, decide
-from vibroimpact.options import Tolerances
 
 pytestmark = pytest.mark.usefixtures("modal_engine")
 
@@ -22,9 +29,9 @@ NAMED = ("n_periods", "n_impacts", "lyapunov_per_impact")
 
 
 def index(model, *names, **how):
-    given = {"omega": [model.omega], "indices": names, "sample_impacts": 3000} | how
-    found = vi.parameter_map(model, **given)
-    return [float(found[name].item()) for name in names]
+    arguments = {"omega": [model.omega], "indices": names, "sample_impacts": 3000} | how
+    sweep = vi.parameter_map(model, **arguments)
+    return [float(sweep[name].item()) for name in names]
 
 
 def knocking(omega, c):
@@ -34,11 +41,6 @@ def knocking(omega, c):
     return system(1.0, 0.2, 1.0, omega, stops, {1: 1.0})
 
 
-def under(law):
-    """Return a chain whose stop has a law of restitution."""
-    return chain(stops=[vi.Stop(direction=[0, 0, 1], gap=0.5, restitution=law)])
-
-
 GYROSCOPIC = np.array([[0.0, 0.03, 0.0], [-0.03, 0.0, 0.01], [0.0, -0.01, 0.0]])
 PIECES = piecewise([0.05, 0.3, 1.0, 2.5], [0.9, 0.8, 0.5, 0.45])
 COMPLEX = {"abs": 2.0 / (3000 * chain().period)}  # 1/N of a complex pair
@@ -46,8 +48,8 @@ CYCLES = {  # a system, the phase at which it touches no stop, and how closely s
     "chain": (chain(), 0.0, COMPLEX),
     "coupled by a gyroscope": (chain(damping=0.02 * chain().stiffness + GYROSCOPIC), 0.0, COMPLEX),
     "two stops": (vi.models.two_sided_oscillator(), 0.0, {"rel": 1e-6}),
-    "hunt and crossley": (under(hunt_crossley(damping=0.3)), 0.0, COMPLEX),
-    "piecewise": (under(PIECES), 0.0, COMPLEX),
+    "hunt and crossley": (chain(hunt_crossley(damping=0.3)), 0.0, COMPLEX),
+    "piecewise": (chain(PIECES), 0.0, COMPLEX),
     # One stop closes, the other is struck meanwhile.
     "sticking": (sticking(), 0.55, {"abs": 1e-5}),
     **{f"springs, w={omega}": (knocking(omega, c), 0.0, {"rel": 2e-3})
@@ -75,11 +77,11 @@ def test_the_exponent_of_a_cycle_is_that_of_differences(name):
 
 def test_one_mass_has_the_motions_of_the_oscillator():
     omega = [0.1, 0.3, 0.9, 1.1, 2.0, 2.8]
-    own = vi.parameter_map(ImpactOscillator(), omega=omega, indices=NAMED, early_closing=False)
-    as_system = vi.parameter_map(one_mass(ImpactOscillator()), omega=omega, indices=NAMED)
+    sweep = vi.parameter_map(vi.ImpactOscillator(), omega=omega, indices=NAMED, early_closing=False)
+    as_system = vi.parameter_map(one_mass(vi.ImpactOscillator()), omega=omega, indices=NAMED)
     for name in NAMED[:2]:
-        assert as_system[name].values.tolist() == own[name].values.tolist()
-    found, known = as_system["lyapunov_per_impact"].values, own["lyapunov_per_impact"].values
+        assert as_system[name].values.tolist() == sweep[name].values.tolist()
+    found, known = as_system["lyapunov_per_impact"].values, sweep["lyapunov_per_impact"].values
     assert found[:2].tolist() == [-math.inf, -math.inf]
     assert found[2:] == pytest.approx(known[2:], abs=0.02)
 
@@ -92,8 +94,8 @@ def test_a_closed_stop_leaves_a_coupled_mode_its_neighbours():
         force=vi.Force(omega=0.25, harmonics={1: [1.0, 0.3]}),
         stops=[vi.Stop(direction=[1, 0], gap=0.0, restitution=0.5)],
     )
-    seen = vi.impact_section(system, sample_impacts=300)
-    assert seen.sizes["stick"] > 5
+    hits = vi.impact_section(system, sample_impacts=300)
+    assert hits.sizes["stick"] > 5
     (found,) = index(system, "lyapunov", sample_impacts=2000)
     assert -1.0 < found < 1.0
 
@@ -142,7 +144,7 @@ def test_the_growth_over_many_impacts_decides_what_is_quasi_periodic():
 
 
 def test_one_mass_never_moves_quasi_periodically_not_even_without_loss():
-    elastic = ImpactOscillator(restitution=1.0, damping=0.0, omega=3.3)
+    elastic = vi.ImpactOscillator(restitution=1.0, damping=0.0, omega=3.3)
     for model in (elastic, one_mass(elastic)):
         sweep = vi.parameter_map(model, omega=[3.3], start=vi.State(-0.4), indices=NAMED, sample_impacts=3000)
         assert vi.classify(sweep)["motion"].values == MotionClass.UNDECIDED
@@ -194,10 +196,10 @@ def mixed(rng):
 
 
 def test_neighbours_of_a_motion_between_rigid_stops_and_such_that_give_move_as_other_motions_do():
-    rng, seen = np.random.default_rng(3), 0
-    while seen < 40:
+    rng, compared = np.random.default_rng(3), 0
+    while compared < 40:
         system, phase, periods = mixed(rng), rng.uniform(0.0, 1.0), rng.uniform(0.5, 2.0)
-        carrier = Carrier(system.cells({}), Tolerances())
+        carrier = Carrier(system.cells({}), vi.Tolerances())
         x, _ = carrier.over(np.zeros(2 * len(system.mass)), 0.0, 6.0 + phase)
         place, _ = carrier.coordinates(x)
         if min(abs(stop.gap - stop.direction @ place) for stop in system.stops) < 1e-3:
@@ -210,22 +212,22 @@ def test_neighbours_of_a_motion_between_rigid_stops_and_such_that_give_move_as_o
         ]  # fmt: skip
         if np.abs(numbers[0] - numbers[1]).max() > 1e-5:
             continue  # nearly a graze
-        seen += 1
+        compared += 1
         assert numbers[1] == pytest.approx(derivative, abs=1e-4 * max(1.0, np.abs(derivative).max()))
 
 
 def test_a_mass_that_is_held_for_ever_leaves_the_exponent_of_the_other():
-    held = vi.ImpactSystem(
+    model = vi.ImpactSystem(
         mass=[[1.0, 0.2], [0.2, 1.0]],
         damping=[[0.2, -0.05], [-0.05, 0.1]],
         stiffness=[[3.0, -1.0], [-1.0, 2.0]],
         force=vi.Force(omega=1.9, harmonics={1: [0.0, 1.0]}, constant=[50.0, 0.0]),
         stops=[vi.Stop(direction=[1, 0], gap=0.0), vi.Stop(direction=[0, 1], gap=0.1, restitution=0.7)],
     )
-    free = ImpactOscillator(mass=1.0, damping=0.1, stiffness=2.0, omega=1.9, gap=0.1, restitution=0.7)
+    free = vi.ImpactOscillator(mass=1.0, damping=0.1, stiffness=2.0, omega=1.9, gap=0.1, restitution=0.7)
     (orbit,) = (orbit for orbit in vi.find_orbit(free) if orbit.stable and orbit.admissible)
     for early in (False, True):
-        (found,) = index(held, "lyapunov", transient_impacts=2000, early_closing=early)
+        (found,) = index(model, "lyapunov", transient_impacts=2000, early_closing=early)
         assert found == pytest.approx(orbit.lyapunov, rel=1e-3)
 
 
@@ -245,24 +247,13 @@ def test_a_rest_whose_time_rounding_decides_ends_no_cycle(hardest, early):
 # Masses whose centre is free
 
 
-def two_free_masses(gap, **changes):
-    given = {
-        "mass": np.eye(2),
-        "damping": 0.0,
-        "stiffness": 0.0,
-        "force": vi.Force(omega=1.0, harmonics={1: [1.0, -1.0]}),
-        "stops": [vi.Stop(direction=[sign, -sign], gap=gap, restitution=0.5) for sign in (1, -1)],
-    }
-    return vi.ImpactSystem(**given | changes)
-
-
 def test_two_free_masses_have_the_exponent_of_the_one_mass_that_moves_as_one_does_from_the_other():
-    pair = two_free_masses(0.5)
+    pair = free_pair(0.5)
     one, _ = beside_its_centre(pair)
-    (found, periods), (own, _) = (index(model, "lyapunov", "n_periods") for model in (pair, one))
+    (found, periods), (alone, _) = (index(model, "lyapunov", "n_periods") for model in (pair, one))
     assert periods == 0
-    assert found == pytest.approx(own, abs=0.02)  # of 3000 impacts of chaos
-    assert own == pytest.approx(0.196, abs=0.02)
+    assert found == pytest.approx(alone, abs=0.02)  # of 3000 impacts of chaos
+    assert alone == pytest.approx(0.196, abs=0.02)
     section = vi.impact_section(pair, transient_impacts=0, sample_impacts=100)
     assert section.sizes["stick"]  # in the transient, which took all of the deviation but the drift
 
@@ -271,13 +262,13 @@ def test_drag_and_loads_on_the_centre_alone_change_no_exponent():
     mass = np.diag([1.0, 3.0])
     load = vi.Force(omega=1.0, harmonics={1: [1.0, -1.0]})
     pushed = vi.Force(omega=1.0, harmonics={1: [2.0, 2.0]}, constant=[0.1, 0.3])
-    plain, moved = (two_free_masses(3.0, mass=mass, force=force) for force in (load, pushed))
+    plain, moved = (free_pair(mass=mass, force=force) for force in (load, pushed))
     named = [index(model, *NAMED, transient_impacts=500) for model in (plain, moved)]
     assert named[0][:2] == named[1][:2] == [1, 2]
     assert named[0][2] == pytest.approx(named[1][2], rel=1e-9)
-    braked = two_free_masses(3.0, mass=mass, damping=1e-3 * mass, force=pushed)
-    own = index(beside_its_centre(braked)[0], *NAMED, transient_impacts=500)
-    assert index(braked, *NAMED, transient_impacts=500) == pytest.approx(own, abs=1e-3)  # a complex pair: 1/N
+    braked = free_pair(mass=mass, damping=1e-3 * mass, force=pushed)
+    alone = index(beside_its_centre(braked)[0], *NAMED, transient_impacts=500)
+    assert index(braked, *NAMED, transient_impacts=500) == pytest.approx(alone, abs=1e-3)  # a complex pair: 1/N
 
 
 @pytest.mark.long
@@ -286,13 +277,13 @@ def test_free_masses_have_the_names_and_exponents_of_their_relative_motion():
     for seed in range(24):
         model = free_masses(seed)
         own, centres = beside_its_centre(model)
-        seen = [index(one, "n_periods", "n_impacts", "max_velocity", "lyapunov", sample_impacts=500,
+        indices = [index(one, "n_periods", "n_impacts", "max_velocity", "lyapunov", sample_impacts=500,
                       transient_impacts=1500) for one in (model, own)]  # fmt: skip
         assert centres > 0
-        if any(0 < one[0] <= 8 for one in seen):
-            assert seen[0][:2] == seen[1][:2], seed
-            assert seen[0][2] == pytest.approx(seen[1][2], rel=1e-6)
-            assert seen[0][3] == pytest.approx(seen[1][3], abs=0.02), seed  # a complex pair: 1/N
+        if any(0 < one[0] <= 8 for one in indices):
+            assert indices[0][:2] == indices[1][:2], seed
+            assert indices[0][2] == pytest.approx(indices[1][2], rel=1e-6)
+            assert indices[0][3] == pytest.approx(indices[1][3], abs=0.02), seed  # a complex pair: 1/N
             named += 1
     assert named > 8
 

@@ -129,7 +129,7 @@ def motions(kind, seed, number=30):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("length", LENGTHS)
 def test_no_leap_is_made_over_a_stop_that_is_touched_and_others_end_where_they_should(kind, length):
-    made = 0
+    count = 0
     for rng, one, state, angle in motions(kind, 1):
         states, without = one.course(state, length)
         lowest, depth = -without.min(axis=0), np.ptp(without, axis=0)
@@ -141,8 +141,8 @@ def test_no_leap_is_made_over_a_stop_that_is_touched_and_others_end_where_they_s
             np.testing.assert_allclose(
                 after, states[-1][: len(after)], rtol=0, atol=one.rounding * np.abs(states).max()
             )
-        made += leapt
-    assert made > 200  # of 600
+        count += leapt
+    assert count > 200  # of 600
 
 
 @pytest.mark.long
@@ -150,7 +150,7 @@ def test_no_leap_is_made_over_a_stop_that_is_touched_and_others_end_where_they_s
 @pytest.mark.parametrize("length", LENGTHS)
 def test_no_leap_is_made_from_an_impact_to_the_next(kind, length):
     """The speed after the impact is that with which the same stop is just touched, or missed, later on."""
-    made = 0
+    count = 0
     for rng, one, state, angle in motions(kind, 2):
         n, z, far = one.k.modes, int(rng.integers(one.k.stops)), int(rng.integers(1, POINTS))
         kick = 0.0 * state
@@ -163,9 +163,9 @@ def test_no_leap_is_made_from_an_impact_to_the_next(kind, length):
             kinds, gaps = np.full(one.k.stops, OPEN), 2.0 * np.abs(without).max(axis=0)
             kinds[z], gaps[z] = STRUCK, -a[0, z]
             leapt, _ = one.leap(state + (least + off) * kick, angle, gaps, kinds, length)
-            made += leapt
+            count += leapt
             assert not leapt or (without[1:, z] > a[0, z] - one.rounding * np.abs(without).max()).all()
-    assert made > 10
+    assert count > 10
 
 
 @pytest.mark.long
@@ -193,7 +193,7 @@ def spread_out(rng, n):
 
 @pytest.mark.long
 def test_far_leaps_end_before_a_stop_is_touched_and_where_they_should():
-    rng, made, tried, closest = np.random.default_rng(5), 0, 0, np.inf
+    rng, leaps, tried, closest = np.random.default_rng(5), 0, 0, np.inf
     for _ in range(300):
         one = Leaping(spread_out(rng, int(rng.integers(2, 5))))
         for _ in range(20 if one.k.far else 0):
@@ -206,15 +206,15 @@ def test_far_leaps_end_before_a_stop_is_touched_and_where_they_should():
             assert (way > 0.0).all()
             there = states[leapt * POINTS][: len(after)]
             np.testing.assert_allclose(after, there, rtol=0, atol=LEAPS * one.rounding * np.abs(states).max())
-            made, tried = made + (leapt > 0), tried + 1
+            leaps, tried = leaps + (leapt > 0), tried + 1
             closest = min(closest, (way / swing).min(initial=np.inf))
     assert tried > 1000
-    assert made > 100
+    assert leaps > 100
     assert closest < 0.2  # of a swing: the bound is no idle one
 
 
 def test_what_is_seen_within_far_leaps_is_the_motion():
-    rng, seen = np.random.default_rng(6), 0
+    rng, count = np.random.default_rng(6), 0
     for _ in range(20):
         model = spread_out(rng, 3)
         model = remade(model, stops=[stop.replace(gap=1e3) for stop in model.stops])
@@ -229,5 +229,5 @@ def test_what_is_seen_within_far_leaps_is_the_motion():
             size = 1e-11 * np.abs(state).max()
             np.testing.assert_allclose(np.concatenate([displacement, velocity]), state[:6], rtol=0, atol=size)
             state = turn @ state
-        seen += 1
-    assert seen > 3
+        count += 1
+    assert count > 3

@@ -128,8 +128,8 @@ def test_small_couplings_of_damping_are_kept():
     for small in (1e-3, 1e-9, 1e-12):
         damping = [[1.0, small], [small, 2.0]]
         for stiffness in (np.diag([1.0, 2.0]), [[1.0, 0.5], [0.5, 3.0]]):
-            given = {"mass": np.eye(2), "stiffness": stiffness, "damping": damping}
-            form = two_masses(**given).modal()
+            arguments = {"mass": np.eye(2), "stiffness": stiffness, "damping": damping}
+            form = two_masses(**arguments).modal()
             assert not form.decoupled
             np.testing.assert_allclose(form.shapes @ form.damping @ form.inverse, damping, atol=1e-15)
 

@@ -72,7 +72,7 @@ def test_a_system_names_the_matrix_and_the_entry_that_it_refuses(changes, messag
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("arguments", "message"),
     [
         ({}, r"give either `omega` \(rad/s\) or `frequency` \(Hz\)"),
         ({"omega": 1.0, "frequency": 1.0}, r"give either `omega` \(rad/s\) or `frequency` \(Hz\)"),
@@ -89,13 +89,13 @@ def test_a_system_names_the_matrix_and_the_entry_that_it_refuses(changes, messag
         ({"omega": 1.0, "constant": {}}, r"`constant` must be a list of numbers, or numbers by the names of points"),
     ],
 )
-def test_a_force_names_what_it_refuses(given, message):
+def test_a_force_names_what_it_refuses(arguments, message):
     with pytest.raises(ValueError, match=message):
-        vi.Force(**given)
+        vi.Force(**arguments)
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("arguments", "message"),
     [
         ({"direction": [0.0, 0.0]}, r"`direction` must not be zero, got \[0.0, 0.0\]"),
         ({"direction": [0.0, 1e-61], "name": "bar"}, r"`direction` of stop 'bar' must not be zero"),
@@ -108,9 +108,9 @@ def test_a_force_names_what_it_refuses(given, message):
         ({"motion": {1: [1.0, 2.0]}}, r"`motion\[1\]` must be a number, got an array of shape \(2,\)"),
     ],
 )
-def test_a_stop_names_what_it_refuses(given, message):
+def test_a_stop_names_what_it_refuses(arguments, message):
     with pytest.raises(ValueError, match=message):
-        vi.Stop(**{"direction": [0, 1], "gap": 0.1, **given})
+        vi.Stop(**{"direction": [0, 1], "gap": 0.1, **arguments})
 
 
 def test_opposite_stops_that_move_together_overlap_where_their_slot_is_negative():
@@ -228,7 +228,7 @@ def test_states_of_several_coordinates_keep_them_as_tuples():
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("arguments", "message"),
     [
         (([],), "`displacement` must be a number, or numbers for all coordinates"),
         (([1.0, "2"],), r"`displacement\[1\]` must be a finite number, got '2'"),
@@ -238,9 +238,9 @@ def test_states_of_several_coordinates_keep_them_as_tuples():
         ((1.0, [1.0]), "as many numbers, got a single number and 1"),
     ],
 )
-def test_states_refuse_numbers_that_do_not_fit(given, message):
+def test_states_refuse_numbers_that_do_not_fit(arguments, message):
     with pytest.raises(ValueError, match=message):
-        vi.State(*given)
+        vi.State(*arguments)
 
 
 @pytest.mark.parametrize(
@@ -384,7 +384,7 @@ def test_a_mode_at_0_hz_is_a_free_mass():
     ],
 )
 def test_a_table_of_modes_names_what_it_refuses(changes, message):
-    given = {
+    arguments = {
         "frequencies": [1.0, 2.0],
         "damping_ratios": [0.1, 0.1],
         "shapes": [[1.0, 0.5], [2.0, -1.0]],
@@ -392,7 +392,7 @@ def test_a_table_of_modes_names_what_it_refuses(changes, message):
         "force": vi.Force(omega=1.0),
     }
     with pytest.raises(ValueError, match=message):
-        vi.ImpactSystem.from_modes(**given | changes)
+        vi.ImpactSystem.from_modes(**arguments | changes)
 
 
 # Families of systems: what designs share is computed once

@@ -9,7 +9,6 @@ import vibroimpact as vi
 from systems import linear, one_mass, sticking
 from vibroimpact.backends.modal.carry import Carrier
 from vibroimpact.backends.reference.systems import follow
-from vibroimpact.options import Tolerances
 from vibroimpact.orbits.sticking_end import scaling_exponent
 
 pytestmark = pytest.mark.usefixtures("modal_engine")
@@ -68,7 +67,7 @@ def unstable():
 
 
 def carrier_of(orbit):
-    carrier = Carrier(orbit.system.cells({}), Tolerances())
+    carrier = Carrier(orbit.system.cells({}), vi.Tolerances())
     x = carrier.state(np.array(orbit.start.displacement), np.array(orbit.start.velocity))
     return carrier, x, orbit.start.time / orbit.system.period
 
@@ -95,14 +94,14 @@ def test_the_witness_comes_back_to_where_an_orbit_begins_and_rests_as_long(name)
     orbit = the_orbit(SYSTEMS[name])
     start, period = orbit.start, orbit.system.period
     place, rate = (np.array(part) for part in (start.displacement, start.velocity))
-    seen = follow(linear(orbit.system), place, rate, start.time, impacts=1000, most_periods=orbit.n_periods)
-    assert seen.end.displacement == pytest.approx(place, abs=1e-9 * np.abs(place).max())
+    trajectory = follow(linear(orbit.system), place, rate, start.time, impacts=1000, most_periods=orbit.n_periods)
+    assert trajectory.end.displacement == pytest.approx(place, abs=1e-9 * np.abs(place).max())
     rested = dict.fromkeys(orbit.system.stop_names, 0.0)
     for rest in orbit.rests:
         rested[rest.stop] += (rest.end - rest.begin) * period
     for number, stop in enumerate(orbit.system.stop_names):
         ways = {"stick": -1.0, "release": 1.0}
-        closed = sum(ways.get(event.kind, 0.0) * event.time for event in seen.events if event.stop == number)
+        closed = sum(ways.get(event.kind, 0.0) * event.time for event in trajectory.events if event.stop == number)
         assert closed == pytest.approx(rested[stop], abs=1e-6 * period)
 
 
@@ -183,9 +182,9 @@ def test_a_stop_without_restitution_is_struck_a_number_of_times_one_with_it_with
     ids=["once", "no rest", "no impact"],
 )
 def test_what_is_found_instead_is_said(model, n_periods, outcome, said):
-    found = vi.find_orbit(model, n_periods=n_periods, n_impacts=-1)
-    assert (len(found), found.outcome) == (0, outcome)
-    assert said in found.message
+    orbits = vi.find_orbit(model, n_periods=n_periods, n_impacts=-1)
+    assert (len(orbits), orbits.outcome) == (0, outcome)
+    assert said in orbits.message
 
 
 def test_a_guess_that_does_not_fit_is_refused():

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from systems import linear, one_mass
-from test_system_basins import THREE, TWINS, two_masses, two_sided
+from systems import THREE, TWINS, linear, one_mass, random_pair, two_sided
 from vibroimpact.backends.reference.systems import follow
 from vibroimpact.report import sentences_of
 
@@ -21,7 +20,7 @@ PERIODIC = [0, 2, 6, 10, 17, 18, 19, 22]  # random designs that are periodic fro
 
 @pytest.fixture(scope="module")
 def verdicts():
-    return {seed: vi.describe(two_masses(seed), parameters=[]) for seed in PERIODIC}
+    return {seed: vi.describe(random_pair(seed), parameters=[]) for seed in PERIODIC}
 
 
 def numbers(text, before, after=""):
@@ -39,14 +38,14 @@ def line(verdict, title):
 
 @pytest.mark.parametrize("seed", PERIODIC)
 def test_hits_energy_and_period_are_those_of_impacts_from_rest(verdicts, seed):
-    verdict, system = verdicts[seed], two_masses(seed)
+    verdict, system = verdicts[seed], random_pair(seed)
     n, p = verdict.motion.n_periods, verdict.motion.n_impacts
     hits = vi.impact_section(system, transient_impacts=3000, sample_impacts=p)
     names, speeds, phases = hits["stop"].values, hits["velocity"].values, hits["phase"].values
     assert numbers(line(verdict, "motion"), "repeats every ", " s") == [float(f"{n * system.period:.4g}")]
-    told = line(verdict, "hits")
+    text = line(verdict, "hits")
     for stop in system.stop_names:
-        own = told.partition(f"{stop}: ")[2]
+        own = text.partition(f"{stop}: ")[2]
         struck = names == stop
         if not struck.any():
             assert own.startswith("none")
@@ -56,7 +55,7 @@ def test_hits_energy_and_period_are_those_of_impacts_from_rest(verdicts, seed):
             if struck.sum() <= 4:
                 assert f"{v:.4g} m/s at phase {phase:.3g}" in own
         assert f"{speeds[struck].max():.4g} m/s" in own
-    (impulse,) = numbers(told, "largest impulse ", " N s")
+    (impulse,) = numbers(text, "largest impulse ", " N s")
     assert impulse == pytest.approx(float(hits["impulse"].max()), rel=1e-3)
     restitution = {stop.name: stop.restitution for stop in system.stops}
     lost = sum(0.5 * (1 - restitution[stop]) * v * kick
@@ -68,7 +67,7 @@ def test_hits_energy_and_period_are_those_of_impacts_from_rest(verdicts, seed):
 
 @pytest.mark.parametrize("seed", PERIODIC)
 def test_multipliers_are_those_of_differences_of_the_witness(verdicts, seed):
-    verdict, system = verdicts[seed], two_masses(seed)
+    verdict, system = verdicts[seed], random_pair(seed)
     orbit, plain = verdict.orbit, linear(system)
     span, begun = verdict.motion.n_periods, orbit.start.time - 1e-3 * system.period
     before = vi.simulate(system, start=orbit.start, periods=span - 1e-3, samples_per_period=1000)
@@ -81,25 +80,25 @@ def test_multipliers_are_those_of_differences_of_the_witness(verdicts, seed):
     np.testing.assert_allclose(ended(state), state, rtol=0, atol=1e-7)
     columns = [(ended(state + unit) - ended(state - unit)) / 4e-6 for unit in 2e-6 * np.eye(4)]
     radius = float(np.abs(np.linalg.eigvals(np.array(columns).T)).max())
-    told = line(verdict, "stability")
-    assert numbers(told, "largest multiplier ")[0] == pytest.approx(radius, rel=2e-3)
+    text = line(verdict, "stability")
+    assert numbers(text, "largest multiplier ")[0] == pytest.approx(radius, rel=2e-3)
     half = -math.log(2.0) * span * system.period / math.log(radius)
-    assert numbers(told, "halve every ", " s")[0] == pytest.approx(half, rel=2e-2)
-    assert numbers(told, "exponent ", " 1/s")[0] == pytest.approx(-math.log(2.0) / half, rel=5e-3)
+    assert numbers(text, "halve every ", " s")[0] == pytest.approx(half, rel=2e-2)
+    assert numbers(text, "exponent ", " 1/s")[0] == pytest.approx(-math.log(2.0) / half, rel=5e-3)
 
 
 @pytest.mark.parametrize("seed", [4, 19])
 def test_shares_are_those_of_a_map_from_the_same_initial_conditions(seed):
-    verdict, system = vi.describe(two_masses(seed), parameters=[]), two_masses(seed)
+    verdict, system = vi.describe(random_pair(seed), parameters=[]), random_pair(seed)
     sweep = vi.parameter_map(
         system, omega=[system.omega], start=257, indices=("max_velocity",), transient_impacts=3000, sample_impacts=200
     )
     hardest = np.nan_to_num(sweep["max_velocity"].values[0, 1:])
     shares = [float((np.abs(hardest - motion.max_velocity) < 1e-4).mean()) for motion in verdict.attractors]
     assert shares == [motion.share for motion in verdict.attractors]
-    told = line(verdict, "coexisting")
+    text = line(verdict, "coexisting")
     for motion in verdict.attractors:
-        assert f"{100 * motion.share:.3g} %: {motion.name}" in told
+        assert f"{100 * motion.share:.3g} %: {motion.name}" in text
 
 
 @pytest.mark.long
@@ -127,7 +126,7 @@ def test_a_verdict_on_twins_names_the_one_from_rest_and_the_other():
 
 
 def test_a_motion_clear_of_the_stops_says_how_far():
-    system = two_masses(5)
+    system = random_pair(5)
     verdict = vi.describe(system, parameters=[])
     settled = vi.simulate(system, start=vi.attractors(system)[0].start, periods=1, samples_per_period=4000)
     nearest = settled["clearance"].min("time")
@@ -150,11 +149,11 @@ def test_a_motion_that_rests_says_so_and_needs_no_orbit():
 def test_chaos_says_what_is_only_about_so():
     verdict = vi.describe(two_sided(1.5, 0.8, 0.2), parameters=[], progress=lambda *progress: False)  # that from rest
     hits = vi.impact_section(two_sided(1.5, 0.8, 0.2), transient_impacts=3000, sample_impacts=60_000)
-    told = line(verdict, "hits")
-    assert numbers(told, "about ", " times")[0] == pytest.approx(
+    text = line(verdict, "hits")
+    assert numbers(text, "about ", " times")[0] == pytest.approx(
         60_000 / (float(hits["time"][-1] - hits["time"][0]) * 1.5 / (2 * math.pi)), rel=0.06
     )
-    assert numbers(told, "mean about ", " m/s")[0] == pytest.approx(float(hits["velocity"].mean()), rel=0.06)
+    assert numbers(text, "mean about ", " m/s")[0] == pytest.approx(float(hits["velocity"].mean()), rel=0.06)
     lost = 0.5 * (1 - 0.8**2) * float((hits["velocity"] ** 2).sum()) / float(hits["time"][-1] - hits["time"][0])
     assert numbers(line(verdict, "energy"), "period, ", " W")[0] == pytest.approx(lost, rel=0.1)
     assert verdict.watched > 32_000
@@ -233,7 +232,7 @@ def test_a_verdict_a_table_and_a_picture_say_who_hits_where_a_start_from_rest_do
 
 @pytest.mark.parametrize("seed", range(4))
 def test_others_are_said_to_hit_harder_where_they_do(seed):
-    verdict = vi.describe(two_masses(100 + seed), parameters=[])
+    verdict = vi.describe(random_pair(100 + seed), parameters=[])
     others = [motion for motion in verdict.attractors if motion.share and not motion.from_rest]
     hardest = max((motion.max_velocity for motion in others), default=0.0)
     assert ("hits hardest" in str(verdict)) == (hardest > verdict.max_velocity * (1 + 1e-9))
@@ -265,8 +264,8 @@ def test_an_orbit_of_two_units_ends_where_both_are_struck_at_once():
     verdict = vi.describe(model, parameters=["omega"])
     low, high = (edge.value for edge in verdict.boundaries)
     assert [edge.kind for edge in verdict.boundaries] == ["impacts_merge"] * 2
-    found = vi.continue_orbit(verdict.orbit, "omega", (0.999 * low, 1.001 * high))
-    for orbit, value, inwards in ((found.orbits[0], low, 1e-6), (found.orbits[-1], high, -1e-6)):
+    branch = vi.continue_orbit(verdict.orbit, "omega", (0.999 * low, 1.001 * high))
+    for orbit, value, inwards in ((branch.orbits[0], low, 1e-6), (branch.orbits[-1], high, -1e-6)):
         assert orbit.value("omega") == pytest.approx(value, rel=1e-10)
         half = 0.5 * orbit.system.period
         displacement, velocity, _ = orbit.motion(np.array([half]))

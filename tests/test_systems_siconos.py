@@ -27,15 +27,15 @@ def impacts(number, factor=1.0):
     """Return time, closing speed and stop of as many impacts as are recorded, and the whole motion."""
     recorded = RECORDED[number]
     last = recorded["impacts"][-1][0] + 1e-3
-    seen = follow(
+    trajectory = follow(
         design(recorded),
         recorded["displacement"],
         factor * np.array(recorded["velocity"]),
         impacts=1000,
         most_periods=last * recorded["omega"] / (2 * math.pi),
     )
-    hits = [event for event in seen.impacts if event.velocity > recorded["least"]][: len(recorded["impacts"])]
-    return np.array([(event.time, event.velocity) for event in hits]), [event.stop for event in hits], seen
+    hits = [event for event in trajectory.impacts if event.velocity > recorded["least"]][: len(recorded["impacts"])]
+    return np.array([(event.time, event.velocity) for event in hits]), [event.stop for event in hits], trajectory
 
 
 @pytest.mark.long(but=4)

@@ -34,9 +34,9 @@ def test_energy_never_grows_at_an_impact():
         rates = -np.abs(rates)
         kappa, restitution = np.linalg.solve(mass, directions.T), rng.uniform(0, 1, s)
         after, impulses = impact_law(directions @ kappa, restitution, rates)
-        left = velocity - kappa @ impulses
+        speeds = velocity - kappa @ impulses
         scale = velocity @ mass @ velocity
-        assert left @ mass @ left <= scale * (1 + 1e-11)
+        assert speeds @ mass @ speeds <= scale * (1 + 1e-11)
         size = math.sqrt(scale) * np.sqrt(np.diag(directions @ kappa))
         assert (impulses * np.diag(directions @ kappa) >= -1e-9 * size).all()
         assert (after + restitution * rates >= -1e-9 * size).all()
@@ -77,27 +77,29 @@ def test_a_stop_that_let_go_pushes_again_in_the_same_contact():
     # k d + c d' is zero again after 2 (s m/f - c/k).
     v, k, c = 1.65, 4.0, 1.0  # c/(m k) < s/f < 2 c/(m k)
     pressed = system(1, 0, 0, 1.0, [vi.Stop(direction=1, gap=0.0, stiffness=k, damping=c)], constant=[1.0])
-    seen = follow(linear(pressed), [-(v**2) / 2], [0.0], impacts=3, most_periods=4)
-    changes = [now for now, before in zip(seen.pieces[1:], seen.pieces, strict=False) if now[1] is not before[1]]
+    trajectory = follow(linear(pressed), [-(v**2) / 2], [0.0], impacts=3, most_periods=4)
+    changes = [
+        now for now, before in zip(trajectory.pieces[1:], trajectory.pieces, strict=False) if now[1] is not before[1]
+    ]
     (touch, _, _), (let_go, _, _), (again, phase, _) = changes
-    assert touch == seen.impacts[0].time == pytest.approx(v, rel=1e-14)
+    assert touch == trajectory.impacts[0].time == pytest.approx(v, rel=1e-14)
     assert phase.pushing == (0,)
-    speed = -seen.at([let_go])[1][0, 0]
+    speed = -trajectory.at([let_go])[1][0, 0]
     assert again - let_go == pytest.approx(2.0 * (speed - c / k), rel=1e-12)
-    end = (seen.end.periods + seen.end.phase) * 2 * math.pi
-    (hit,) = seen.impacts
+    end = (trajectory.end.periods + trajectory.end.phase) * 2 * math.pi
+    (hit,) = trajectory.impacts
     assert hit.contact_time == pytest.approx(end - touch - (again - let_go), rel=1e-13)
-    assert hit.impulse == pytest.approx(v + (end - touch) - seen.end.velocity[0], rel=1e-13)
+    assert hit.impulse == pytest.approx(v + (end - touch) - trajectory.end.velocity[0], rel=1e-13)
 
 
-def work_and_losses(model, seen, begin, end):
+def work_and_losses(model, trajectory, begin, end):
     """Return the work of the force between two times and what the dampers of the system took, by quadrature."""
     nodes, weights = np.polynomial.legendre.leggauss(24)
-    edges = np.array([begin, *(t for t, _, _ in seen.pieces if begin < t < end), end])
+    edges = np.array([begin, *(t for t, _, _ in trajectory.pieces if begin < t < end), end])
     work = lost = 0.0
     for low, high in pairwise(edges):
         times = low + (high - low) * (1.0 + nodes) / 2.0
-        v = seen.at(times)[1]
+        v = trajectory.at(times)[1]
         turn = np.exp(1j * model.omega * times)
         load = model.constant + sum((np.outer(turn**h, p)).imag for h, p in model.harmonics.items())
         part = (high - low) * weights / 2.0
@@ -112,19 +114,19 @@ def test_the_work_of_the_force_is_the_change_of_energy_and_what_dampers_and_stop
         model, q, v = drawn(np.random.default_rng([17, seed]), of_any_kind=True)
         still = [stop.replace(motion={}) for stop in model.stops]
         model = linear(vi.ImpactSystem(**model.arguments() | {"stops": still}))
-        seen = follow(model, q, v, impacts=12, most_periods=30)
-        flights = [piece for piece in seen.pieces if not piece[1].pushing]
+        trajectory = follow(model, q, v, impacts=12, most_periods=30)
+        flights = [piece for piece in trajectory.pieces if not piece[1].pushing]
         (begin, _, _), (end, _, _) = flights[1], flights[-1]
-        (q0, q1), (v0, v1) = seen.at([begin, end])
+        (q0, q1), (v0, v1) = trajectory.at([begin, end])
         gained = (
             (v1 @ model.mass @ v1 - v0 @ model.mass @ v0) + (q1 @ model.stiffness @ q1 - q0 @ model.stiffness @ q0)
         ) / 2
-        work, lost = work_and_losses(model, seen, begin, end)
-        taken = [hit.energy_lost for hit in seen.impacts if begin < hit.time <= end]
+        work, lost = work_and_losses(model, trajectory, begin, end)
+        losses = [hit.energy_lost for hit in trajectory.impacts if begin < hit.time <= end]
         scale = abs(work) + abs(gained) + lost
-        assert work == pytest.approx(gained + lost + sum(taken), abs=1e-12 * scale)
-        assert min(taken) > -1e-13 * scale
-        compared += len(taken)
+        assert work == pytest.approx(gained + lost + sum(losses), abs=1e-12 * scale)
+        assert min(losses) > -1e-13 * scale
+        compared += len(losses)
     assert compared > 30
 
 
@@ -147,8 +149,8 @@ def test_a_step_by_step_integration_of_the_forces_gives_the_same_motion(seed):
                 load = load - stop.direction * max(0.0, stop.stiffness * d + stop.damping * rate)
         return np.concatenate([v, np.linalg.solve(model.mass, load - model.damping @ v - model.stiffness @ q)])
 
-    seen = follow(model, q, v, impacts=6, most_periods=10)
-    assert seen.impacts
-    times = np.linspace(0.0, min(seen.impacts[-1].time, 20.0), 50)
+    trajectory = follow(model, q, v, impacts=6, most_periods=10)
+    assert trajectory.impacts
+    times = np.linspace(0.0, min(trajectory.impacts[-1].time, 20.0), 50)
     stepped = solve_ivp(change, (0.0, times[-1]), [*q, *v], "DOP853", times, rtol=1e-11, atol=1e-12, max_step=2e-3)
-    assert np.abs(stepped.y[:n].T - seen.at(times)[0]).max() < 1e-6
+    assert np.abs(stepped.y[:n].T - trajectory.at(times)[0]).max() < 1e-6

@@ -12,7 +12,6 @@ from vibroimpact.backends import ImpactWindow
 from vibroimpact.cells import cells_at
 from vibroimpact.coexistence.measuring import Runner
 from vibroimpact.orbits.sticking import periods_from_release
-from vibroimpact.verdict import describe
 from vibroimpact.verdict.advice import advise
 from vibroimpact.verdict.boundaries import _end_of_sticking
 from vibroimpact.verdict.branches import Branches
@@ -54,13 +53,13 @@ def text_of(verdict):
     ],
 )
 def test_without_a_gap_all_hits_are_proportional_to_the_force(osc):
-    verdict = describe(osc, parameters=["amplitude"])
+    verdict = vi.describe(osc, parameters=["amplitude"])
     (advice,) = verdict.advice
     assert advice.value == 0.8 * osc.amplitude
     assert advice.max_velocity == pytest.approx(0.8 * verdict.worst.max_velocity, rel=1e-12)
-    there = vi.attractors(osc.replace(amplitude=advice.value))
+    motions = vi.attractors(osc.replace(amplitude=advice.value))
     repeats = all(motion.repeats for motion in verdict.attractors)
-    hardest = max(motion.max_velocity for motion in there)
+    hardest = max(motion.max_velocity for motion in motions)
     assert hardest == pytest.approx(advice.max_velocity, rel=1e-8 if repeats else 0.05)
 
 
@@ -77,7 +76,9 @@ def test_advice_without_a_gap_is_measured_by_the_hardest_motion_that_is_reached(
 
 def test_no_impacts_are_claimed_of_initial_conditions_that_are_undecided():
     """Without loss nothing attracts; from rest the spring presses the mass to the stop."""
-    verdict = str(describe(vi.ImpactOscillator(amplitude=0.0, damping=0.0, restitution=1.0, gap=-0.5), parameters=[]))
+    verdict = str(
+        vi.describe(vi.ImpactOscillator(amplitude=0.0, damping=0.0, restitution=1.0, gap=-0.5), parameters=[])
+    )
     assert "100 % of the initial conditions: undecided" in verdict
     assert "no impacts from rest, but 100 % of the initial conditions are undecided" in verdict
     assert "from any of" not in verdict
@@ -86,7 +87,7 @@ def test_no_impacts_are_claimed_of_initial_conditions_that_are_undecided():
 def test_where_nothing_helps_the_parameters_that_were_tried_are_named():
     osc = vi.ImpactOscillator(omega=2.6)
     for names in (["mass", "stiffness"], ["restitution"]):
-        verdict = describe(osc, parameters=names, within=1e-3)
+        verdict = vi.describe(osc, parameters=names, within=1e-3)
         assert not verdict.advice
         assert f"no change of {' or '.join(names)} alone within its range" in text_of(verdict)
 
@@ -94,7 +95,7 @@ def test_where_nothing_helps_the_parameters_that_were_tried_are_named():
 @pytest.mark.long
 def test_long_transients_are_told_with_their_length_and_their_hits():
     for osc in (RESTLESS, SLOW):
-        verdict = describe(osc, parameters=["omega"])
+        verdict = vi.describe(osc, parameters=["omega"])
         motion, *late = verdict.attractors
         assert sum(each.share for each in late) < 0.02  # still on their way after 1e5 impacts
         random = np.random.default_rng(7)
@@ -107,14 +108,16 @@ def test_long_transients_are_told_with_their_length_and_their_hits():
 
 
 def test_where_rounding_decides_how_long_impacts_last_no_value_is_given_from_which_they_do():
-    verdict = describe(RESTLESS, parameters=["mass", "gap"])
+    verdict = vi.describe(RESTLESS, parameters=["mass", "gap"])
     assert sum(verdict.releases.values()) == 32
     assert "lasting impacts" not in text_of(verdict)
 
 
 def test_intermittent_sticking_is_not_called_predictable():
-    verdict = describe(vi.ImpactOscillator(omega=2.9), parameters=["omega"])
-    assert verdict.motion.name == "intermittent sticking"
+    verdict = vi.describe(vi.ImpactOscillator(omega=2.9), parameters=["omega"])
+    assert (verdict.motion.name, verdict.transient) == ("intermittent sticking", "")
+    assert verdict.watched >= 100_000
+    assert set(verdict.releases) == {"intermittent sticking"}
     assert "perturbations vanish" not in text_of(verdict)
     assert "no longer chaotic" not in text_of(verdict)
 
@@ -124,7 +127,7 @@ def test_intermittent_sticking_is_not_called_predictable():
 )
 def test_up_to_its_end_sticking_is_of_the_same_period(osc, name):
     n, present = periods_from_release(osc, 64), getattr(osc, name)
-    for edge in describe(osc, parameters=[name]).boundaries:
+    for edge in vi.describe(osc, parameters=[name]).boundaries:
         last = edge.value if edge.found else edge.searched_to
         for share in np.linspace(0.0, 1.0, 13)[:-1]:
             there = osc.replace(**{name: present + share * (last - present)})
@@ -132,19 +135,19 @@ def test_up_to_its_end_sticking_is_of_the_same_period(osc, name):
 
 
 def test_an_orbit_that_ends_where_it_was_born_is_said_to_halve():
-    down, _ = describe(vi.ImpactOscillator(omega=2.68), parameters=["omega"]).boundaries
+    down, _ = vi.describe(vi.ImpactOscillator(omega=2.68), parameters=["omega"]).boundaries
     assert (down.kind, round(down.value, 8)) == ("period_halving", 2.65392352)
     assert down.beyond == "period-1 impact-1"
 
 
 def test_what_was_seen_beyond_is_given_with_the_value_at_which_it_was():
-    verdict = describe(vi.ImpactOscillator(omega=2.6), parameters=["omega"])
+    verdict = vi.describe(vi.ImpactOscillator(omega=2.6), parameters=["omega"])
     for edge in verdict.boundaries:
         assert f"(period doubling; period-2 impact-2 at {edge.beyond_at:.6g} rad/s)" in text_of(verdict)
 
 
 def test_a_boundary_is_printed_with_as_many_digits_as_part_it_from_the_present_value():
-    verdict = describe(NARROW, parameters=["amplitude"])
+    verdict = vi.describe(NARROW, parameters=["amplitude"])
     text = text_of(verdict)
     for edge in verdict.boundaries:
         assert 0.0 < abs(edge.change) < 1e-8
@@ -153,7 +156,7 @@ def test_a_boundary_is_printed_with_as_many_digits_as_part_it_from_the_present_v
 
 
 def test_one_hit_is_printed_with_the_same_digits_throughout():
-    verdict = describe(vi.ImpactOscillator(omega=2.6), parameters=["omega"])
+    verdict = vi.describe(vi.ImpactOscillator(omega=2.6), parameters=["omega"])
     hardest = f"{verdict.worst.max_velocity:.4g} m/s"
     head, _, rest = text_of(verdict).partition("boundaries")
     assert hardest in head

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from vibroimpact.continuation import continue_orbit
 from vibroimpact.continuation.windows import follow_all, stable_windows, swept_windows
-from vibroimpact.orbits import find_orbit, same_orbit
+from vibroimpact.orbits import same_orbit
 from vibroimpact.orbits.orbit import Impacts
 
 OSC = vi.ImpactOscillator()
@@ -27,11 +26,11 @@ def sought():
     """Yield orbits found without any sweep: in closed form, and from grids of starts."""
     for omega in np.linspace(*RANGE, 62)[1:-1]:
         for n in range(1, LONGEST + 1):
-            yield from find_orbit(OSC.replace(omega=omega), n_periods=n)
+            yield from vi.find_orbit(OSC.replace(omega=omega), n_periods=n)
     for omega in SEVERAL:
         for n in range(1, LONGEST + 1):
             for p in range(2, MOST + 1):
-                yield from find_orbit(OSC.replace(omega=omega), n_periods=n, n_impacts=p)
+                yield from vi.find_orbit(OSC.replace(omega=omega), n_periods=n, n_impacts=p)
 
 
 def seen(sweep):
@@ -44,7 +43,7 @@ def seen(sweep):
             phase, velocity = last["phase"].values[at], last["velocity"].values[at]
             hardest = velocity.argmax()
             near = float(phase[hardest]), float(velocity[hardest])
-            yield from find_orbit(OSC.replace(omega=window.low), n_periods=n, n_impacts=p, near=near)
+            yield from vi.find_orbit(OSC.replace(omega=window.low), n_periods=n, n_impacts=p, near=near)
 
 
 @pytest.fixture(scope="module")
@@ -57,8 +56,8 @@ def shown(sweep, at, window):
     """Whether the sweep is on the window's orbit at a value of its grid."""
     end = int(sweep["count"][at])
     last = slice(max(0, end - window.n_impacts), end)
-    seen = Impacts(sweep["phase"].values[at, last], sweep["velocity"].values[at, last])
-    return any(same_orbit(orbit, seen, tolerance=1e-6) for orbit in window.orbits_at(float(sweep["omega"][at])))
+    hits = Impacts(sweep["phase"].values[at, last], sweep["velocity"].values[at, last])
+    return any(same_orbit(orbit, hits, tolerance=1e-6) for orbit in window.orbits_at(float(sweep["omega"][at])))
 
 
 def on_another(sweep, at, window):
@@ -100,15 +99,15 @@ def test_every_stable_window_of_continuation_is_seen_or_the_sweep_is_on_another_
 @pytest.mark.parametrize("way", ["up", "down"])
 def test_every_window_of_a_sweep_is_one_of_continuation_unless_its_name_is_longer(branches, sweeps, way):
     found = 0
-    for seen in swept_windows(sweeps[way]):
-        n, p = seen.n_periods, seen.n_impacts
-        values = np.flatnonzero((seen.low <= GRID) & (seen.high >= GRID))
+    for window in swept_windows(sweeps[way]):
+        n, p = window.n_periods, window.n_impacts
+        values = np.flatnonzero((window.low <= GRID) & (window.high >= GRID))
         if len(values) <= 3 or n > LONGEST or not 0 < p <= MOST:
             continue
         found += 1
         alike = [w for w in stable_windows(branches) if (w.n_periods, w.n_impacts) == (n, p)]
         for at in values:
-            assert any(w.low <= GRID[at] <= w.high and shown(sweeps[way], at, w) for w in alike), (seen, GRID[at])
+            assert any(w.low <= GRID[at] <= w.high and shown(sweeps[way], at, w) for w in alike), (window, GRID[at])
     assert found >= 5
 
 
@@ -139,8 +138,8 @@ def test_windows_end_at_the_values_known_with_50_digits(values, branches):
 
 
 def test_a_window_narrower_than_a_step_of_the_branch_is_not_lost():
-    (orbit,) = find_orbit(OSC.replace(omega=1.5))
-    (narrow, _) = stable_windows(continue_orbit(orbit, "omega", (0.5, 2.0), step=0.5, virtual=False))
+    (orbit,) = vi.find_orbit(OSC.replace(omega=1.5))
+    (narrow, _) = stable_windows(vi.continue_orbit(orbit, "omega", (0.5, 2.0), step=0.5, virtual=False))
     assert narrow.ends == ("grazing", "period_doubling")
     assert (narrow.low, narrow.high) == pytest.approx((1.00711, 1.00830), abs=1e-5)
 
@@ -153,7 +152,7 @@ def test_a_sweep_that_does_not_name_its_motions_is_refused(sweeps):
 
 def test_two_orbits_of_one_impact_at_one_value_lie_on_branches_of_their_own():
     osc = vi.ImpactOscillator(damping=0.05, gap=0.3, omega=2.4)
-    fast, slow = find_orbit(osc, n_periods=2)
-    branches = follow_all([fast, slow, *find_orbit(osc.replace(omega=2.5), n_periods=2)], "omega", (2.2, 2.6))
+    fast, slow = vi.find_orbit(osc, n_periods=2)
+    branches = follow_all([fast, slow, *vi.find_orbit(osc.replace(omega=2.5), n_periods=2)], "omega", (2.2, 2.6))
     assert [branch.outcome for branch in branches] == [("grazing", "range"), ("range", "range")]
     assert all(branch.values.min() < 2.4 < branch.values.max() for branch in branches)

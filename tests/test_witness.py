@@ -11,7 +11,6 @@ from scipy.linalg import expm
 import vibroimpact as vi
 from cells import make_cells
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
-from vibroimpact.options import Tolerances
 
 EXAMPLES, SHARES, IMPACTS = 2000, 8, 20
 BASE = 1e-13  # of the velocity scale, and of the fastest time scale, before any growth
@@ -51,8 +50,8 @@ def motions(draw):
     return osc, start
 
 
-def turns(seen):
-    return seen.impact_periods + seen.impact_phase
+def turns(hits):
+    return hits.impact_periods + hits.impact_phase
 
 
 def fastest_rate(osc):
@@ -61,7 +60,7 @@ def fastest_rate(osc):
     return max(osc.omega, osc.natural_frequency, half + math.sqrt(over) if over else 0.0)
 
 
-def error_growth(osc, start, seen):
+def error_growth(osc, start, hits):
     """Return by how much an error of one rounding may have grown at each impact.
 
     The impact map's Jacobian from (t0, v0) to (t1, v1) is [[-1/v1, 0], [-a1/v1, 1]] Phi(tau) [[r v0, 0], [-a0, -r]];
@@ -70,7 +69,7 @@ def error_growth(osc, start, seen):
     rate, scale = fastest_rate(osc), osc.velocity_scale
     flow = np.array([[0.0, 1.0], [-osc.stiffness / osc.mass, -osc.damping / osc.mass]])
     units = np.diag([rate, 1 / scale])
-    times, speeds = turns(seen) * osc.period, seen.impact_velocity
+    times, speeds = turns(hits) * osc.period, hits.impact_velocity
 
     def acceleration(time, velocity):
         force = osc.amplitude * math.sin(osc.omega * time) - osc.stiffness * osc.gap - osc.damping * velocity
@@ -95,7 +94,7 @@ def error_growth(osc, start, seen):
 
 
 def compare(osc, start):
-    cells, window, limits = make_cells(osc, start), ImpactWindow(0, IMPACTS), Tolerances(flight_periods=100)
+    cells, window, limits = make_cells(osc, start), ImpactWindow(0, IMPACTS), vi.Tolerances(flight_periods=100)
     (ours,), (theirs,) = (
         get_backend(name).samples(cells, Measurement(window, limits)) for name in ("cpu", "reference")
     )

@@ -1,16 +1,13 @@
 """How much work the engine does: counted, never timed, so that a change that makes it do more is seen."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
 import vibroimpact as vi
 from cells import make_cells
+from processes import python
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
-from vibroimpact.options import Tolerances
 from vibroimpact.orbits.systems import admissibility, flow
 
 OSC = vi.ImpactOscillator()
@@ -67,7 +64,7 @@ def test_memory_is_taken_once_a_tile_and_never_by_an_impact():
     def allocations(sample):
         before = rtsys.get_allocation_stats().alloc
         cells = make_cells(OSC, None, {"omega": SPREAD})
-        get_backend("cpu").indices(cells, Measurement(ImpactWindow(10, sample), Tolerances(), early_closing=False))
+        get_backend("cpu").indices(cells, Measurement(ImpactWindow(10, sample), vi.Tolerances(), early_closing=False))
         return rtsys.get_allocation_stats().alloc - before
 
     allocations(10)
@@ -82,7 +79,7 @@ def test_a_first_sweep_waits_for_no_library_that_it_does_without(sweep):
         f"import sys, vibroimpact as vi; vi.{sweep}(vi.ImpactOscillator(), omega=[2.8], sample_impacts=10); "
         "print('heavy:', {'zarr', 'dask.base', 'pint', 'distributed', 'matplotlib'} & set(sys.modules))"
     )
-    assert "heavy: set()" in subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
+    assert "heavy: set()" in python(code).stdout
 
 
 def two_masses_and_a_spring_stop():
