@@ -85,7 +85,6 @@ def child(*arguments: str, **options):
         ("continue --x omega=3:1", "`omega` must increase, got 3 to 1"),
         ("continue --x omega=1:3 --step 2", "`step` must be .*, got 2"),
         ("continue --x omega=1:3 --doublings -1", "`--doublings` must be .*, got -1"),
-        ("continue -p omega=0.1 --impacts -1 --x omega=0.05:0.3", "boundary --kind end-of-sticking"),
         ("boundary --x omega=1:3", "needs exactly two axes, got omega"),
         ("boundary --x omega=1:3 --y omega=1:2", "the axis omega is given twice"),
         ("boundary --x omega=1:3 --y r=0.5:0.9 --kind hopf", "unknown `--kind` 'hopf'; choose from fold"),

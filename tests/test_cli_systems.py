@@ -130,14 +130,19 @@ def test_branches_and_boundaries_of_a_machine_are_followed(run, tmp_path):
     assert dict(vi.load(tmp_path / "curves.nc").sizes)["curve_id"] == 1
 
 
+def test_a_branch_that_rests_is_followed_to_its_end(run, tmp_path):
+    command = "continue --model two_sided_oscillator -p frequency=5 --impacts -1 --x frequency=4.5:6 --step 0.1"
+    code, lines, complaints = run(command)
+    assert code == 0, complaints
+    assert any("end of sticking at frequency = 5.5395340" in line and "leaves the stop" in line for line in lines)
+    assert run(f"{command} --out rest.nc")[0] == 0
+    assert vi.load(tmp_path / "rest.nc")["special_value"].values == pytest.approx(5.539534069, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("command", "words"),
     [
         (f"continue {OWN} --x omega=7:9 --near 0.1,1", "`--near` of a system goes with `--stops`"),
-        (
-            "continue --model bouncing_ball --x amplitude=1e-4:1.6e-4 --impacts -1",
-            "no branch; find them value by value",
-        ),
         (f"boundary {OWN} --x omega=7:9 --y bar_gap=0:1 --kind end-of-sticking", "unknown `--kind` 'end_of_sticking'"),
         (f"basins {OWN}", "`stop` must name the stop that is struck: bar, baffle"),
         (f"basins {OWN} --x gap=0:1:3 --y velocity_0=0:1:3", "unknown coordinate 'gap'; choose from displacement_0"),

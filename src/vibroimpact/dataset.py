@@ -176,7 +176,11 @@ def start_of(dataset: xr.Dataset) -> State | None:
 
 def model_of(dataset: xr.Dataset) -> ImpactOscillator | ImpactSystem:
     """Return the oscillator or the system a result was made from (axes of a sweep stand at their reference value)."""
-    return model_from(json.loads(dataset.attrs["oscillator" if "oscillator" in dataset.attrs else "system"]))
+    name = "oscillator" if "oscillator" in dataset.attrs else "system"
+    plain = json.loads(dataset.attrs[name])
+    if ("stops" in plain) != (name == "system"):
+        raise ValueError("an oscillator has no `stops`, a system has some")
+    return model_from(plain)
 
 
 def model_from(plain: dict[str, Any]) -> ImpactOscillator | ImpactSystem:

@@ -302,6 +302,11 @@ class Stop(ByValue):
         vars(renamed).update(vars(self), name=name)
         return renamed
 
+    def at(self, values: Mapping[str, float]) -> Stop:
+        """Return the stop with those of its numbers that are among values of the parameters of its system."""
+        changes = {kind: values[name] for kind in self.kinds if (name := f"{self.name}_{kind}") in values}
+        return self.replace(**changes) if changes else self
+
     def replace(self, **changes: Any) -> Stop:
         """Return a copy with some arguments changed; another kind of stop takes all that it needs."""
         return Stop(**{**self.arguments(), **changes})

@@ -240,7 +240,7 @@ class ImpactSystem(ByValue):
         force, omega = self.force, checked.get("omega", self.omega)
         if omega != self.omega:
             force = Force(**{**force.arguments(), "omega": omega})
-        stops = tuple(_with_numbers(stop, checked) for stop in self.stops)
+        stops = tuple(stop.at(checked) for stop in self.stops)
         changed = object.__new__(ImpactSystem)  # of matrices that are checked
         vars(changed).update(self.arguments() | {"force": force, "stops": stops})
         if any(stop is not before for stop, before in zip(stops, self.stops, strict=True)):
@@ -396,9 +396,3 @@ class ImpactSystem(ByValue):
         """Return a . q in contact, for every stop at some time."""
         bounds: Floats = np.array([stop.gap + stop.shift(self.omega * time) for stop in self.stops], np.float64)
         return bounds
-
-
-def _with_numbers(stop: Stop, values: Mapping[str, float]) -> Stop:
-    """Return a stop with those of its numbers that are among values of the parameters of its system."""
-    changes = {kind: values[name] for kind in stop.kinds if (name := f"{stop.name}_{kind}") in values}
-    return stop.replace(**changes) if changes else stop

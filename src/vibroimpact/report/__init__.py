@@ -177,12 +177,13 @@ def _branches(dataset: xr.Dataset) -> Iterator[str]:
         kinds = _meanings(branch["special_kind"])
         for i in range(branch.sizes["special"]):
             point = branch.isel(special=i)
-            hits = listed([f"{v:.6g}" for v in point["special_velocity"].values if math.isfinite(v)][:IMPACTS])
+            speeds = [f"{v:.6g}" for v in point["special_velocity"].values if math.isfinite(v)]
+            hits = f"hits at {listed(speeds)}" if len(speeds) <= IMPACTS else f"hardest hit {max(speeds, key=float)}"
             kind = bifurcation_name(kinds[int(point["special_kind"])])
-            touch = float(point["special_touch_phase"])
-            at_phase = f", touches the stop at phase {touch:.6g}" if math.isfinite(touch) else ""
+            touch, does = float(point["special_touch_phase"]), "leaves" if kind == "end of sticking" else "touches"
+            at_phase = f", {does} the stop at phase {touch:.6g}" if math.isfinite(touch) else ""
             value = quantity(float(point["special_value"]), point["special_value"].attrs["units"])
-            yield f"  {kind} at {parameter} = {value}, hits at {hits} m/s{at_phase}"
+            yield f"  {kind} at {parameter} = {value}, {hits} m/s{at_phase}"
 
 
 def _stable_intervals(branch: xr.Dataset, parameter: str) -> Iterator[tuple[float, float]]:
