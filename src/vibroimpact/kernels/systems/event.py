@@ -28,7 +28,7 @@ from vibroimpact.kernels.systems.march import (
 )
 from vibroimpact.kernels.systems.push import meet
 from vibroimpact.kernels.systems.step import step
-from vibroimpact.kernels.systems.tangent import before, cross_one, lost, measure_growth, pass_over, recur
+from vibroimpact.kernels.systems.tangent import before, cross_one, has_lost_all, measure_growth, pass_over, recur
 from vibroimpact.kernels.vectors import LANES, anywhere, get, put, select
 
 ALIKE = 2e-12  # of V: how near the speed of an impact must come back to be looked at
@@ -87,7 +87,7 @@ def _occur(rows, k, room, note, window):
     z = int(rows[k.which])
     if k.thorough:
         pass_over(rows, k, room, struck, closing)
-        if struck or lost(rows, k):  # growth counts from the first impact of the window on
+        if struck or has_lost_all(rows, k):  # growth counts from the first impact of the window on
             measure_growth(rows, note, k, None, note[HITS] < window.total, note[HITS] > window.transient)
     recorded = add_all(rows, k, room, note, struck, window)
     if window.closes and recorded:
@@ -111,20 +111,20 @@ def _occur(rows, k, room, note, window):
 @inner(forceinline=True)
 def usual(rows, notes, k, wide, window):
     """Make the usual impacts and contacts that ended steps; they are then no hits any more."""
-    made, v, impulse, r = bounce(rows, k, wide)
-    if anywhere(made):
-        lost = 0.5 * (1.0 - r) * v * impulse
+    struck, v, impulse, r = bounce(rows, k, wide)
+    if anywhere(struck):
+        energy = 0.5 * (1.0 - r) * v * impulse
         if k.thorough:
-            cross_one(rows, k, wide, made, v, impulse)
+            cross_one(rows, k, wide, struck, v, impulse)
             hits = get(notes, HITS, wide)
-            measure_growth(rows, notes, k, wide, made & (hits < window.total), hits > window.transient)
-        _add(notes, rows, k, wide, made, v, lost, impulse, window)
+            measure_growth(rows, notes, k, wide, struck & (hits < window.total), hits > window.transient)
+        _add(notes, rows, k, wide, struck, v, energy, impulse, window)
         if k.thorough:
-            kept = made & (get(notes, HITS, wide) <= window.total)
+            kept = struck & (get(notes, HITS, wide) <= window.total)
             note_open(notes, k, wide, kept)
-            note_misses(rows, notes, k, wide, made, window)
+            note_misses(rows, notes, k, wide, struck, window)
             recur(rows, notes, k, wide, kept, window.total)
-        put(rows, k.hit, wide, select(made, NOTHING, get(rows, k.hit, wide)))
+        put(rows, k.hit, wide, select(struck, NOTHING, get(rows, k.hit, wide)))
     if k.thorough:
         return  # contacts with compliant stops are made on the cell alone
     hit, which = get(rows, k.hit, wide), get(rows, k.which, wide)
@@ -138,9 +138,9 @@ def usual(rows, notes, k, wide, window):
     put(rows, k.hit, wide, select(begins | ends, NOTHING, hit))
 
 
-# What a motion is not asked for is left out of what makes it, and so is what compliant stops need where there are none.
+# The code of what is not observed is not compiled, and neither is that of compliant stops where there are none.
 rigid = without("compliant")
-_unseen = without("wary", "draining")
+_unobserved = without("wary", "draining")
 _plain = without("thorough", "wary", "forceful", "draining")
 
 
@@ -157,16 +157,16 @@ def _walk_on(lanes, k):
 
 @inner
 def walk_on(lanes, k):
-    """Do so, whatever is to be seen of them; a deviation is carried along."""
+    """Make leaps and a step of all lanes, by the part that observes what is needed; a deviation is carried along."""
     if k.compliant:
         if k.wary or k.draining:
             _walk_on(lanes, k)
         else:
-            _walk_on(lanes, _unseen(k))
+            _walk_on(lanes, _unobserved(k))
     elif k.wary or k.draining:
         _walk_on(lanes, rigid(k))
     else:
-        _walk_on(lanes, rigid(_unseen(k)))
+        _walk_on(lanes, rigid(_unobserved(k)))
 
 
 @deferred("impacts of systems", 2, by_kind=True)
@@ -202,13 +202,13 @@ def occur(rows, k, room, note, window):
 
 
 @inner(forceinline=True)
-def _add(notes, rows, k, wide, hit, v, lost, impulse, window):
+def _add(notes, rows, k, wide, hit, v, energy, impulse, window):
     """Sum up recorded impacts."""
     if k.draining:
         note_drain(notes, rows, k, wide, hit, get(notes, HITS, wide), window)
     z = get(rows, k.which, wide)
     sine, cosine, periods = get(rows, k.turn, wide), get(rows, k.turn + 1, wide), get(rows, k.turn + 2, wide)
-    add(notes, k, wide, hit, z, v, lost, impulse, sine, cosine, periods, window)
+    add(notes, k, wide, hit, z, v, energy, impulse, sine, cosine, periods, window)
     if window.closes:
         _watch(notes, rows, k, wide, hit, z, v)
 
@@ -217,13 +217,13 @@ def _add(notes, rows, k, wide, hit, v, lost, impulse, window):
 def _watch(notes, rows, k, wide, hit, z, v):
     """Compare an impact with the one that is watched for; it is replaced every 32 impacts, later more rarely."""
     hits, near = get(notes, HITS, wide), ALIKE * get(rows, k.speed, wide)
-    known, number = get(notes, WATCHED, wide), get(notes, NUMBER, wide)
-    back = hit & (abs(v - known) < near) & (get(notes, WHICH, wide) == z)
+    speed, number = get(notes, WATCHED, wide), get(notes, NUMBER, wide)
+    back = hit & (abs(v - speed) < near) & (get(notes, WHICH, wide) == z)
     returned = get(notes, RETURNED, wide)
     put(notes, RETURNED, wide, select(back & (returned == 0.0), hits - number, returned))
     later = get(notes, NEXT, wide)
     moves, stride = hit & (hits >= later), 0.125 * hits
-    put(notes, WATCHED, wide, select(moves, v, known))
+    put(notes, WATCHED, wide, select(moves, v, speed))
     put(notes, WHICH, wide, select(moves, z, get(notes, WHICH, wide)))
     put(notes, NUMBER, wide, select(moves, hits, number))
     put(notes, NEXT, wide, select(moves, hits + select(stride > FIRST_LOOK, stride, FIRST_LOOK), later))

@@ -84,9 +84,9 @@ def _forced(rows, j, pace, k, wide):
 def fly_apart(rows, k, wide):
     """Leave the series of each mode, free of the others."""
     for j in range(k.modes):
-        own = get(rows, k.square + j, wide), get(rows, k.damping + j * (k.modes + 1), wide)
+        square, damping = get(rows, k.square + j, wide), get(rows, k.damping + j * (k.modes + 1), wide)
         b0, b1 = get(rows, k.eta + j, wide), get(rows, k.rate + j, wide)
-        store(rows, k.flight + j * SIZE, wide, oscillation(b0, b1, *own, _forced(rows, j, 1.0, k, wide)))
+        store(rows, k.flight + j * SIZE, wide, oscillation(b0, b1, square, damping, _forced(rows, j, 1.0, k, wide)))
 
 
 @inner
