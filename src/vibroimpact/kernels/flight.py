@@ -135,14 +135,18 @@ def sine_cosine(angle):
 
 
 @inner(forceinline=True)
-def rotate(s, c, angle):
-    """Turn (sin wt, cos wt) by an angle of at most REACH radians, and pull it back to unit length."""
-    sd, cd = sine_cosine(angle)
-    s1 = fma(s, cd, c * sd)
-    c1 = fma(c, cd, -s * sd)
+def turned(s, c, sine, cosine):
+    """Return (sin wt, cos wt) turned by an angle, and pulled back to unit length."""
+    s1, c1 = fma(s, cosine, c * sine), fma(c, cosine, -s * sine)
     # One Newton step of 1/sqrt: |(s, c)| stays 1 to rounding however many steps are taken.
     pull = fma(-0.5, fma(s1, s1, c1 * c1), 1.5)
     return s1 * pull, c1 * pull
+
+
+@inner(forceinline=True)
+def rotate(s, c, angle):
+    """Return (sin wt, cos wt) turned by an angle of at most REACH radians."""
+    return turned(s, c, *sine_cosine(angle))
 
 
 @inner

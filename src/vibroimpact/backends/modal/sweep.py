@@ -48,7 +48,7 @@ def noted(layout: Layout) -> int:
 
 def _turns(sine: Floats, cosine: Floats, periods: Floats) -> Floats:
     """Return times in periods."""
-    return periods + np.arctan2(sine, cosine) / march.TURN % 1.0
+    return periods + np.arctan2(sine, cosine) / (2.0 * math.pi) % 1.0
 
 
 def room_for(layout: Layout) -> Room:

@@ -56,27 +56,6 @@ def lower_alike(lanes, cell, number):
         put(lanes, row, 0, cell[row])
 
 
-@inner(forceinline=True)
-def proceed(rows, k, wide):
-    """Make leaps as far as they are certified, half a one before and after whole ones, and a step."""
-    willing = leapt = may_leap(rows, k, wide)
-    if anywhere(willing):
-        look(rows, k, wide)
-    number = 0
-    while number < LEAPS + 2 and anywhere(willing):
-        willing = leap(rows, k, wide, 0 < number <= LEAPS, willing)
-        if number == 0:
-            leapt = willing
-            if k.far:
-                leap_far(rows, k, wide, willing)
-        number += 1
-        if number > LEAPS or not anywhere(willing):
-            number, willing = max(number, LEAPS + 1), leapt
-    if k.compliant and k.modes == 1:
-        leap_within(rows, k, wide)
-    step(rows, k, wide)
-
-
 @deferred("impacts beside the usual", 3, by_kind=True)
 def _occur(rows, k, room, note, window):
     """Make what ended the step of one cell, and sum it up."""
@@ -108,36 +87,6 @@ def _occur(rows, k, room, note, window):
     note[STICKS] += rows[k.closed] > 0.0 and window.transient < note[HITS] < window.total
 
 
-@inner(forceinline=True)
-def usual(rows, notes, k, wide, window):
-    """Make the usual impacts and contacts that ended steps; they are then no hits any more."""
-    struck, v, impulse, r = bounce(rows, k, wide)
-    if anywhere(struck):
-        energy = 0.5 * (1.0 - r) * v * impulse
-        if k.thorough:
-            cross_one(rows, k, wide, struck, v, impulse)
-            hits = get(notes, HITS, wide)
-            measure_growth(rows, notes, k, wide, struck & (hits < window.total), hits > window.transient)
-        _add(notes, rows, k, wide, struck, v, energy, impulse, window)
-        if k.thorough:
-            kept = struck & (get(notes, HITS, wide) <= window.total)
-            note_open(notes, k, wide, kept)
-            note_misses(rows, notes, k, wide, struck, window)
-            recur(rows, notes, k, wide, kept, window.total)
-        put(rows, k.hit, wide, select(struck, NOTHING, get(rows, k.hit, wide)))
-    if k.thorough:
-        return  # contacts with compliant stops are made on the cell alone
-    hit, which = get(rows, k.hit, wide), get(rows, k.which, wide)
-    if not (k.compliant and anywhere(hit == CONTACT)):
-        return
-    begins, ends, v = meet(rows, k, wide, hit == CONTACT)
-    for y in range(k.stops if anywhere(ends) else 0):
-        conclude(notes, rows, k, wide, ends & (which == float(y)), y, window)
-    if anywhere(begins):
-        _add(notes, rows, k, wide, begins, v, 0.0 * v, 0.0 * v, window)
-    put(rows, k.hit, wide, select(begins | ends, NOTHING, hit))
-
-
 # The code of what is not observed is not compiled, and neither is that of compliant stops where there are none.
 rigid = without("compliant")
 _unobserved = without("wary", "draining")
@@ -151,8 +100,23 @@ def _is_plain(k):
 
 @deferred("steps of systems", 4, by_kind=True)
 def _walk_on(lanes, k):
-    """Make leaps and a step of all lanes."""
-    proceed(lanes, k, 0)
+    """Make leaps as far as they are certified, half a one before and after whole ones, and a step."""
+    willing = leapt = may_leap(lanes, k, 0)
+    if anywhere(willing):
+        look(lanes, k, 0)
+    number = 0
+    while number < LEAPS + 2 and anywhere(willing):
+        willing = leap(lanes, k, 0, 0 < number <= LEAPS, willing)
+        if number == 0:
+            leapt = willing
+            if k.far:
+                leap_far(lanes, k, 0, willing)
+        number += 1
+        if number > LEAPS or not anywhere(willing):
+            number, willing = max(number, LEAPS + 1), leapt
+    if k.compliant and k.modes == 1:
+        leap_within(lanes, k, 0)
+    step(lanes, k, 0)
 
 
 @inner
@@ -171,8 +135,32 @@ def walk_on(lanes, k):
 
 @deferred("impacts of systems", 2, by_kind=True)
 def _add_usual(lanes, notes, k, window):
-    """Make the usual impacts of all lanes, and sum them up."""
-    usual(lanes, notes, k, 0, window)
+    """Make the usual impacts and contacts that ended steps; they are then no hits any more."""
+    struck, v, impulse, r = bounce(lanes, k, 0)
+    if anywhere(struck):
+        energy = 0.5 * (1.0 - r) * v * impulse
+        if k.thorough:
+            cross_one(lanes, k, 0, struck, v, impulse)
+            hits = get(notes, HITS, 0)
+            measure_growth(lanes, notes, k, 0, struck & (hits < window.total), hits > window.transient)
+        _add(notes, lanes, k, struck, v, energy, impulse, window)
+        if k.thorough:
+            kept = struck & (get(notes, HITS, 0) <= window.total)
+            note_open(notes, k, 0, kept)
+            note_misses(lanes, notes, k, 0, struck, window)
+            recur(lanes, notes, k, 0, kept, window.total)
+        put(lanes, k.hit, 0, select(struck, NOTHING, get(lanes, k.hit, 0)))
+    if k.thorough:
+        return  # contacts with compliant stops are made on the cell alone
+    hit, which = get(lanes, k.hit, 0), get(lanes, k.which, 0)
+    if not (k.compliant and anywhere(hit == CONTACT)):
+        return
+    begins, ends, v = meet(lanes, k, 0, hit == CONTACT)
+    for y in range(k.stops if anywhere(ends) else 0):
+        conclude(notes, lanes, k, 0, ends & (which == float(y)), y, window)
+    if anywhere(begins):
+        _add(notes, lanes, k, begins, v, 0.0 * v, 0.0 * v, window)
+    put(lanes, k.hit, 0, select(begins | ends, NOTHING, hit))
 
 
 @inner
@@ -202,15 +190,15 @@ def occur(rows, k, room, note, window):
 
 
 @inner(forceinline=True)
-def _add(notes, rows, k, wide, hit, v, energy, impulse, window):
-    """Sum up recorded impacts."""
+def _add(notes, lanes, k, hit, v, energy, impulse, window):
+    """Sum up recorded impacts of all lanes."""
     if k.draining:
-        note_drain(notes, rows, k, wide, hit, get(notes, HITS, wide), window)
-    z = get(rows, k.which, wide)
-    sine, cosine, periods = get(rows, k.turn, wide), get(rows, k.turn + 1, wide), get(rows, k.turn + 2, wide)
-    add(notes, k, wide, hit, z, v, energy, impulse, sine, cosine, periods, window)
+        note_drain(notes, lanes, k, 0, hit, get(notes, HITS, 0), window)
+    z = get(lanes, k.which, 0)
+    sine, cosine, periods = get(lanes, k.turn, 0), get(lanes, k.turn + 1, 0), get(lanes, k.turn + 2, 0)
+    add(notes, k, 0, hit, z, v, energy, impulse, sine, cosine, periods, window)
     if window.closes:
-        _watch(notes, rows, k, wide, hit, z, v)
+        _watch(notes, lanes, k, 0, hit, z, v)
 
 
 @inner(forceinline=True)

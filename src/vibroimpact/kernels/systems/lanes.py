@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from vibroimpact.kernels.advance import LOOK
 from vibroimpact.kernels.cell import PINNED, QUIET_FOR, RUNNING
 from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket
@@ -20,7 +21,6 @@ from vibroimpact.kernels.systems.march import (
     EACH,
     GRANTED,
     HITS,
-    LOOK,
     MISS,
     NEXT,
     RETURNED,

@@ -42,9 +42,9 @@ from __future__ import annotations
 import math
 
 from vibroimpact.kernels.deferred import deferred
-from vibroimpact.kernels.flight import BARELY
+from vibroimpact.kernels.flight import BARELY, turned
 from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.systems.flow import move, stop_moves, turned, turns
+from vibroimpact.kernels.systems.flow import move, stop_moves, turns
 from vibroimpact.kernels.systems.layout import CLOSED, OPEN, STRUCK
 from vibroimpact.kernels.systems.push import account, drain, stands
 from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH

@@ -8,9 +8,10 @@ whenever twice as many have passed.
 
 from __future__ import annotations
 
+from vibroimpact.kernels.leaps import TURN
 from vibroimpact.kernels.machine import copy, inner, rare
 from vibroimpact.kernels.systems.layout import CLOSED
-from vibroimpact.kernels.systems.march import AGAIN, HITS, STILL, TURN, WAITS
+from vibroimpact.kernels.systems.march import AGAIN, HITS, STILL, WAITS
 
 SAME = 1e-12  # of V, and of a period
 AFTER = 4.0  # periods after an impact it is checked first

@@ -13,8 +13,7 @@ there if the other stops' bounds reach as far.
 
 from __future__ import annotations
 
-import math
-
+from vibroimpact.kernels.contact import negative_part, root_at_least
 from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.flow import carry, clearances, couple, fly_alone, fly_apart, fly_together, move, turns
@@ -54,11 +53,6 @@ NO_WAY = 1e-24  # steps: a stop that allows no more is touched
 
 
 @inner(forceinline=True)
-def _negative(a):
-    return select(a < 0.0, a, 0.0)
-
-
-@inner(forceinline=True)
 def certified(a, kind):
     """Return an x in [0, 1] such that the polynomial is above zero on (0, x), from its coefficients.
 
@@ -78,29 +72,16 @@ def certified(a, kind):
     X = select(half < 0.0, 0.5, 1.0)
     last, x = tail(a), 0.0 * X
     for _ in range(2):
-        t7 = fma(last, X, _negative(a[7]))
-        t6 = fma(t7, X, _negative(a[6]))
-        t5 = fma(t6, X, _negative(a[5]))
-        t4 = fma(t5, X, _negative(a[4]))
+        t7 = fma(last, X, negative_part(a[7]))
+        t6 = fma(t7, X, negative_part(a[6]))
+        t5 = fma(t6, X, negative_part(a[5]))
+        t4 = fma(t5, X, negative_part(a[4]))
         cubic = fma(select(let_go, t7, select(at_rest, t6, select(leaving, t5, t4))), X, q3)
-        bound = _reach(q0, q1, q2, cubic, X)
+        bound = root_at_least(q0, q1, q2, cubic, X)
         x = select(bound > x, bound, x)
         X = select(2.0 * x < X, 2.0 * x, X)
     x = select((kind == CLOSED) & (a[0] == 0.0), 0.0, x)  # held by no force: to be settled again
     return select(kind < OPEN, -kind, select(kind > PASSING, kind - PASSING, x))
-
-
-@inner(forceinline=True)
-def _reach(q0, q1, q2, cubic, X):
-    """Return the smallest positive root of q0 + q1 x + q2 x^2 + cubic x^3 from below, X at most."""
-    slope = cubic * X * X
-    tangent = (cubic > 0.0) & (2.0 * slope < -q1)
-    linear = select(tangent, q1 - slope, q1)
-    square = fma(select(tangent, 2.0 * cubic, _negative(cubic)), X, q2)
-    discriminant = fma(linear, linear, -4.0 * q0 * square)
-    denominator = math.sqrt(select(discriminant > 0.0, discriminant, 0.0)) - linear
-    x = select((discriminant >= 0.0) & (denominator > 0.0), 2.0 * q0 / denominator, X)
-    return select(x < X, x, X)
 
 
 @inner(forceinline=True)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from vibroimpact.kernels.advance import LOOK
 from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, RUNNING, SPENT
 from vibroimpact.kernels.deferred import deferred
+from vibroimpact.kernels.leaps import TURN
 from vibroimpact.kernels.machine import compiled, copy, inner
 from vibroimpact.kernels.systems.closing import part_lanes, stays_pressed
 from vibroimpact.kernels.systems.event import lift, lower, rigid, walk_on
@@ -15,7 +17,7 @@ from vibroimpact.kernels.systems.lasting import lasting
 from vibroimpact.kernels.systems.law import begin, bounce
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.leap import HALF
-from vibroimpact.kernels.systems.march import GRANTED, HITS, LOOK, STEPS, TURN, ending, happen, lasting_is_due, moment
+from vibroimpact.kernels.systems.march import GRANTED, HITS, STEPS, ending, happen, lasting_is_due, moment
 from vibroimpact.kernels.systems.pressed import in_contact, is_pressed, repetition_is_due
 from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
