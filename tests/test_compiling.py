@@ -217,7 +217,7 @@ def test_warming_up_compiles_every_driver():
         done |= parts
         for part in parts:
             deferred.compile_part(part)
-    assert [what for driver, (what, *_) in machine._told.items() if not driver.signatures] == []
+    assert [what for driver, (what, *_) in machine._announcements.items() if not driver.signatures] == []
 
 
 def test_a_process_that_has_computed_nothing_compiles_any_part():
@@ -232,17 +232,17 @@ def test_a_process_that_has_computed_nothing_compiles_any_part():
 
 
 def test_garbage_is_looked_for_again_once_nothing_is_compiled(monkeypatch):
-    teller, outer, inner = machine._Teller(), "outer", "inner"
-    monkeypatch.setattr(machine, "_told", dict.fromkeys((outer, inner), ("nothing", 0.1, "")))
+    announcer, outer, inner = machine._Announcer(), "outer", "inner"
+    monkeypatch.setattr(machine, "_announcements", dict.fromkeys((outer, inner), ("nothing", 0.1, "")))
     begun, ended = (
         [Event("numba:compile", status, {"dispatcher": what}) for what in (outer, inner)]
         for status in (EventStatus.START, EventStatus.END)
     )
-    teller.on_start(begun[0])
-    teller.on_start(begun[1])
-    teller.on_end(ended[1])
+    announcer.on_start(begun[0])
+    announcer.on_start(begun[1])
+    announcer.on_end(ended[1])
     assert not gc.isenabled()
-    teller.on_end(ended[0])
+    announcer.on_end(ended[0])
     assert gc.isenabled()
 
 

@@ -111,7 +111,7 @@ class Leaping:
         else:
             made = leap(rows, k, None, length == WHOLE, True)
         if not made:
-            np.testing.assert_array_equal(rows[: k.known], before[: k.known])
+            np.testing.assert_array_equal(rows[: k.reference], before[: k.reference])
         y, p = (k.eta, k.rate) if deviation is None else (k.deta, k.drate)
         return made, np.concatenate([form @ rows[y : y + n], form @ rows[p : p + n] / self.step])
 

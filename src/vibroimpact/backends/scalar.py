@@ -91,7 +91,7 @@ def outcomes(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> O
 def statuses(columns: dict[str, Floats], ends: NDArray[np.int8], window: ImpactWindow) -> NDArray[np.int8]:
     """Return the status of every cell; it is decided once for each combination of ending and flags."""
     flags = np.stack(
-        [columns["counted"] > 0.0, columns["sticks"] > 0.0, columns["span"] < 10.0, columns["known"] > 0.0],
+        [columns["counted"] > 0.0, columns["sticks"] > 0.0, columns["span"] < 10.0, columns["added"] > 0.0],
         axis=1,
     )
     kinds, which = np.unique(ends.astype(np.int64) * 16 + flags @ (8, 4, 2, 1), return_inverse=True)
@@ -129,13 +129,13 @@ def follow(cell: Cells, measurement: Measurement, seen: Measurement) -> tuple[Ou
 
 
 def _status(end: int, flags: list[bool], window: ImpactWindow) -> Status:
-    hit, stuck, short, known = flags
+    hit, stuck, short, added = flags
     return window_status(
         sampled=window.keep if end == FILLED else 0,
         wanted=window.keep,
         stuck=stuck,
         periods=0.0 if short else math.inf,
-        ended=Status.CLOSED if known else ended_as(end, hit),
+        ended=Status.CLOSED if added else ended_as(end, hit),
     )
 
 

@@ -39,7 +39,7 @@ def _passes_zero(s, c, s1, c1):
 
 @inner(forceinline=True)
 def _approach(u, p, s, c, k):
-    """Return whether the contact is next to here, and how far away, within 5e-4 of that.
+    """Return whether the contact is close, and its distance, within 5e-4 of that.
 
     With d0 = -u/p the conditions keep the rate within 0.35 of p over 2 d0: by |p2| 2 d0 <= 4 BEND |p|, and, since
     |b_j| <= 3^(j-3) (|b_3| + |b_4|/3 + A) as in `contact`, by some (1.7 |b_3| + 1.4 A) 2.5 d0^2 for all higher terms.
@@ -72,10 +72,10 @@ def _turned(s, c, angle):
 
 @inner(forceinline=True)
 def _touch_down(u, p, s, c, k):
-    """Return the distance of the contact that is nearly here, its rate, and its (s, c).
+    """Return the distance of a contact that is almost reached, its rate, and its (s, c).
 
-    The gap, its rate and p2 are exact here. What is left, t, comes from the reverted series, with all that changes over
-    it; what is left out is of the fourth order in t.
+    The gap, its rate and p2 are exact at the beginning. The distance left, t, comes from the reverted series, with all
+    that changes over it; what is left out is of the fourth order in t.
     """
     p2 = acceleration(u, p, s, k)
     p3 = fma(-k.C, p2, fma(-k.K, p, -k.A * k.th * c))
@@ -96,7 +96,7 @@ def _step(motion, k):
     the coefficients of the gap.
 
     At most one contact lies in a step, at its end; the motion returned is the one after it. What is rare, rest and weak
-    impacts, is asked for only where it is in some lane; in the others nothing comes of it.
+    impacts, is computed only where some lane has it, and changes nothing in the others.
     """
     u, p, s, c, n = motion
     touching = u <= 0.0

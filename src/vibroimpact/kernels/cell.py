@@ -166,7 +166,7 @@ def phase_of(s, c):
 
 
 MOST = 2.0**22  # steps, some 1 s of one cell, or 5 s of lanes, to which stiffness may raise what is granted
-QUIET_FOR = 32.0  # steps without an impact, before it is asked whether any can follow
+QUIET_FOR = 32.0  # steps without an impact, before it is checked whether any can follow
 RUNNING, FILLED, QUIET, PINNED, DYING, SPENT, LAWLESS = range(7)
 
 

@@ -17,16 +17,16 @@ PATIENCE = 60.0  # s: then the other process is taken for stopped
 meanwhile: list[Callable[[], bool]] = []  # what to do while another process compiles; each says whether it did anything
 
 
-def claim_what_is_missing(driver: Any, folder: str, told: tuple[str, float, str]) -> None:
+def claim_what_is_missing(driver: Any, folder: str, announcement: tuple[str, float, str]) -> None:
     """Let a driver claim what its cache does not hold until that is compiled, or wait for whoever has claimed it."""
     cache, compile_alone, claims = driver._cache, driver.compile, ExitStack()
     load = cache.load_overload
     name = f"{cache._py_func.__module__}.{cache._py_func.__qualname__}"
 
     def loaded(signature: Any, *rest: Any) -> Any:
-        found = load(signature, *rest)
-        if found is not None:
-            return found
+        overload = load(signature, *rest)
+        if overload is not None:
+            return overload
         from filelock import FileLock, Timeout  # here, as its import takes 45 ms
 
         file = f"{hashlib.sha256(f'{name}{signature}'.encode()).hexdigest()[:16]}.lock"
@@ -34,7 +34,7 @@ def claim_what_is_missing(driver: Any, folder: str, told: tuple[str, float, str]
         try:
             lock.acquire()
         except Timeout:
-            compiling.begin(*told)
+            compiling.begin(*announcement)
             try:
                 _wait(lock)
             finally:
@@ -42,10 +42,10 @@ def claim_what_is_missing(driver: Any, folder: str, told: tuple[str, float, str]
         except (OSError, NotImplementedError):  # a folder that cannot be written, or is without locks
             return None
         claims.callback(lock.release)
-        found = load(signature, *rest)
-        if found is not None:
+        overload = load(signature, *rest)
+        if overload is not None:
             claims.close()
-        return found
+        return overload
 
     def compiled(signature: Any) -> Any:
         try:

@@ -20,7 +20,7 @@ from vibroimpact.kernels.law import saltation
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.observers import Deviation, Misses, Phases, Recurrence, Stamp, Sums, repeated
 from vibroimpact.kernels.recorder import overhear
-from vibroimpact.kernels.results import KNOWN, MADE, RATIO, RELEASES, SCALE, TURN, WALK
+from vibroimpact.kernels.results import ADDED, RATIO, RELEASES, SCALE, STEPS, TURN, WALK
 from vibroimpact.kernels.state import Motion
 
 LONGEST = 4096  # impacts of the longest cycle that is closed
@@ -35,7 +35,7 @@ def _skip_turns(lanes, i, note, transient, total, finish):
     With `finish` those that end before the kept impacts begin are skipped, and later all but the last whole one: it
     tells the largest speed, and the lane ends as it would have.
     """
-    found, now, phases = lane.load_sums(lanes, i), lane.load_turn(lanes, i), lane.load_turn_phases(lanes, i)
+    sums, now, phases = lane.load_sums(lanes, i), lane.load_turn(lanes, i), lane.load_turn_phases(lanes, i)
     framed, kept = note[TURN] >= 0.0, note[TURN] >= transient
     hits, sum1, sum2, periods = (
         now.hits - note[TURN], now.sum1 - note[TURN + 1], now.sum2 - note[TURN + 2], now.n - note[TURN + 3]
@@ -51,21 +51,21 @@ def _skip_turns(lanes, i, note, transient, total, finish):
         note[RELEASES] = math.inf  # all is known
     if not finish:
         return
-    times = math.floor((total - found.hits) / hits) - 1.0 if kept else math.floor((transient - found.hits) / hits)
+    times = math.floor((total - sums.hits) / hits) - 1.0 if kept else math.floor((transient - sums.hits) / hits)
     if times < 1.0:
         return
     motion = lane.load_motion(lanes, i)
     lane.store_motion(lanes, i, Motion(motion.u, motion.p, motion.s, motion.c, motion.n + times * periods))
-    note[KNOWN] += times * hits
-    count, largest = found.hits + times * hits, found.largest
+    note[ADDED] += times * hits
+    count, largest = sums.hits + times * hits, sums.largest
     if kept:
-        sum1, sum2, largest = found.sum1 + times * sum1, found.sum2 + times * sum2, 0.0
+        sum1, sum2, largest = sums.sum1 + times * sum1, sums.sum2 + times * sum2, 0.0
         added = lane.load_phases(lanes, i)
         lane.store_phases(lanes, i, Phases(added.s + times * sine, added.c + times * cosine))
     else:
-        sum1, sum2 = found.sum1, found.sum2
+        sum1, sum2 = sums.sum1, sums.sum2
         note[TURN] = -1.0
-    lane.store_sums(lanes, i, Sums(count, found.shift, sum1, sum2, largest))
+    lane.store_sums(lanes, i, Sums(count, sums.shift, sum1, sum2, largest))
 
 
 @inner
@@ -75,19 +75,19 @@ def _to_next_impact(lanes, i, transient, total, facts, trace, recorder):
     Return the steps made, negative if it never came.
     """
     k = lane.load_constants(lanes, i)
-    made = 0
-    while made < WALK:
+    steps = 0
+    while steps < WALK:
         start = lane.load_motion(lanes, i)
-        rows = walk(start, k, trace, WALK - made, 1.0)
+        rows = walk(start, k, trace, WALK - steps, 1.0)
         if recorder is not None:
             overhear(recorder, start, trace, rows)
         for row in range(rows):
             event = lane.observe_walked(lanes, i, k, trace, row, transient, total, facts)
-            made += 1
+            steps += 1
             if lane.load_sums(lanes, i).hits >= total and facts is None:
-                return -made
+                return -steps
             if event == IMPACT:
-                return made
+                return steps
     return -WALK
 
 
@@ -101,14 +101,14 @@ def _follow_cycle(start, k, impacts, cycle, trace):
     motion = start
     tangent = (1.0, 0.0, 0.0, 1.0)
     growth = 1.0
-    number = made = 0
-    while made < WALK and impacts <= len(cycle):
-        rows = walk(motion, k, trace, WALK - made, float(impacts - number))
+    number = steps = 0
+    while steps < WALK and impacts <= len(cycle):
+        rows = walk(motion, k, trace, WALK - steps, float(impacts - number))
         for row in range(rows):
             motion, event, v, x = step_at(trace, row, 1, 0)
-            made += 1
+            steps += 1
             if event in (RELEASE, CHATTER):
-                return False, made, tangent, growth, motion
+                return False, steps, tangent, growth, motion
             tangent = product(flow(k.C, k.K, x), tangent)
             if motion.u == 0.0:
                 tangent = product(saltation(v, motion.s, k), tangent)
@@ -117,8 +117,8 @@ def _follow_cycle(start, k, impacts, cycle, trace):
                 cycle[number, 0], cycle[number, 1], cycle[number, 2], cycle[number, 3] = motion.n, motion.s, motion.c, v
                 number += 1
             if number == impacts:
-                return True, made, tangent, growth, motion
-    return False, made, tangent, growth, motion
+                return True, steps, tangent, growth, motion
+    return False, steps, tangent, growth, motion
 
 
 @inner
@@ -148,8 +148,8 @@ def _stamp_at(cycle, number, periods, ahead):
 @inner
 def _finish_sums(lanes, i, cycle, number, periods, transient, total):
     """Add the impacts up to `total`, cycle upon cycle, to the lane's observers; the largest is then the cycle's own."""
-    found, largest = lane.load_sums(lanes, i), 0.0
-    count, shift = found.hits, found.shift
+    sums, largest = lane.load_sums(lanes, i), 0.0
+    count, shift = sums.hits, sums.shift
     phases = lane.load_phases(lanes, i)
     sine, cosine = phases.s, phases.c
     if count <= transient:
@@ -162,11 +162,11 @@ def _finish_sums(lanes, i, cycle, number, periods, transient, total):
         skipped = max(math.ceil((transient - count - j) / number), 0.0)
         times = rounds - skipped
         if times > 0.0:
-            found = repeated(found, total, shift, cycle[j, 3], times)
+            sums = repeated(sums, total, shift, cycle[j, 3], times)
             sine += times * cycle[j, 1]
             cosine += times * cycle[j, 2]
     lane.store_last(lanes, i, _stamp_at(cycle, number, periods, total - count - 1.0))
-    lane.store_sums(lanes, i, Sums(found.hits, found.shift, found.sum1, found.sum2, largest))
+    lane.store_sums(lanes, i, Sums(sums.hits, sums.shift, sums.sum1, sums.sum2, largest))
     lane.store_phases(lanes, i, Phases(sine, cosine))
 
 
@@ -192,13 +192,13 @@ def close(lanes, i, note, transient, total, finish, cycle, facts, trace, recorde
             _look_no_further(lanes, i, facts)
         return
     impacts = int(lane.load_recurrence(lanes, i).candidate)
-    made = _to_next_impact(lanes, i, transient, total, facts, trace, recorder)
-    note[MADE] += abs(made)
-    if made < 0:
+    steps = _to_next_impact(lanes, i, transient, total, facts, trace, recorder)
+    note[STEPS] += abs(steps)
+    if steps < 0:
         return
     start, k = lane.load_motion(lanes, i), lane.load_constants(lanes, i)
     ended, walked, tangent, growth, end = _follow_cycle(start, k, impacts, cycle, trace)
-    note[MADE] += walked
+    note[STEPS] += walked
     # Not before the reference has moved on is it tried again.
     watched = lane.load_recurrence(lanes, i)
     lane.store_recurrence(lanes, i, Recurrence(-math.inf, watched.number, watched.following, watched.near, 0.0))
@@ -212,8 +212,8 @@ def close(lanes, i, note, transient, total, finish, cycle, facts, trace, recorde
         weakest = min(weakest, cycle[j, 3])
     way = _way_to_go(start, end, k, tangent, growth)
     # A cycle that is to be described must be near whatever its weight in the sums.
-    left = min(1.0, (total - count) / (total - transient)) if facts is None else 1.0
-    if not (way * left < SURE * scale and way < NOT_SMALL * weakest):
+    weight = min(1.0, (total - count) / (total - transient)) if facts is None else 1.0
+    if not (way * weight < SURE * scale and way < NOT_SMALL * weakest):
         return
     if facts is not None:
         describe(start, k, impacts, periods, tangent, cycle, ALIKE * scale + 4.0 * way, facts, trace)
@@ -221,5 +221,5 @@ def close(lanes, i, note, transient, total, finish, cycle, facts, trace, recorde
             _look_no_further(lanes, i, facts)
     note[RATIO] = impacts / periods
     if finish and count + impacts < total:
-        note[KNOWN] = total - count - impacts
+        note[ADDED] = total - count - impacts
         _finish_sums(lanes, i, cycle, impacts, periods, transient, total)

@@ -15,21 +15,25 @@ import math
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.vectors import fma, select
 
-FAR = 4.0  # stands for "no root on this step"; anything above 1 would do
-
 
 @inner(forceinline=True)
-def first_root(q0, q1, q2):
-    """Return the smallest positive root of q0 + q1 x + q2 x^2 with q0 >= 0, or FAR where there is none."""
-    discriminant = fma(q1, q1, -4.0 * q0 * q2)
-    denominator = math.sqrt(select(discriminant > 0.0, discriminant, 0.0)) - q1
-    there = (discriminant >= 0.0) & (denominator > 0.0)
-    return select(there, 2.0 * q0 / denominator, FAR)
-
-
-@inner(forceinline=True)
-def _negative(a):
+def negative_part(a):
+    """Return a number that is negative, or 0."""
     return select(a < 0.0, a, 0.0)
+
+
+@inner(forceinline=True)
+def root_at_least(q0, q1, q2, cubic, X):
+    """Return a lower bound of the smallest positive root of q0 + q1 x + q2 x^2 + cubic x^3 with q0 >= 0, X at most."""
+    # The tangent costs slope near x = 0: worth it only where that does not bring a false contact near.
+    slope = cubic * X * X
+    tangent = (cubic > 0.0) & (2.0 * slope < -q1)
+    linear = select(tangent, q1 - slope, q1)
+    square = fma(select(tangent, 2.0 * cubic, negative_part(cubic)), X, q2)
+    discriminant = fma(linear, linear, -4.0 * q0 * square)
+    denominator = math.sqrt(select(discriminant > 0.0, discriminant, 0.0)) - linear
+    x = select((discriminant >= 0.0) & (denominator > 0.0), 2.0 * q0 / denominator, X)
+    return select(x < X, x, X)
 
 
 @inner(forceinline=True)
@@ -67,16 +71,8 @@ def certified_step(a, A, leaving, at_rest, at_release, resting):
     half = fma(0.5, fma(0.5, fma(0.5, fma(0.5, q4, q3), q2), q1), q0)
     X = select(half < 0.0, 0.5, 1.0)
     t7 = _tail_from_7(a, A)
-    t6 = fma(t7, X, _negative(a[6]))
-    t5 = fma(t6, X, _negative(a[5]))
-    t4 = fma(t5, X, _negative(a[4]))
+    t6 = fma(t7, X, negative_part(a[6]))
+    t5 = fma(t6, X, negative_part(a[5]))
+    t4 = fma(t5, X, negative_part(a[4]))
     cubic = fma(_shift(leaving, at_rest, at_release, resting, t4, t5, t6, t7), X, q3)
-    # The tangent costs slope near x = 0: worth it only where that does not bring a false contact near.
-    slope = cubic * X * X
-    tangent = (cubic > 0.0) & (2.0 * slope < -q1)
-    x = first_root(
-        q0,
-        select(tangent, q1 - slope, q1),
-        fma(select(tangent, 2.0 * cubic, select(cubic < 0.0, cubic, 0.0)), X, q2),
-    )
-    return select(x < X, x, X)
+    return root_at_least(q0, q1, q2, cubic, X)

@@ -98,10 +98,10 @@ def describe_turn(k, limit, facts, trace):
     squares, hits, rests, least, settling = 0.0, 0.0, 0.0, NONE, 0.0
     facts[PERIODS], facts[IMPACTS], facts[PARTING] = 0.0, 0.0, 1.0
     du, dp = DEVIATION
-    made, event = 0, -1.0
-    while made < limit and event != RELEASE:
-        rows = walk(motion, k, trace, limit - made, 0.0)
-        made += rows
+    steps, event = 0, -1.0
+    while steps < limit and event != RELEASE:
+        rows = walk(motion, k, trace, limit - steps, 0.0)
+        steps += rows
         for row in range(rows):
             before = motion
             motion, event, v, x = step_at(trace, row, 1, 0)

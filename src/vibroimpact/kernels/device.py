@@ -17,7 +17,7 @@ from vibroimpact.kernels.closing import close as close_lane
 from vibroimpact.kernels.cycle import forget
 from vibroimpact.kernels.lanes import LANES, step_lane, step_thorough_lane
 from vibroimpact.kernels.machine import cache_folder, config
-from vibroimpact.kernels.results import MADE, harvest, harvest_thoroughly
+from vibroimpact.kernels.results import STEPS, harvest, harvest_thoroughly
 from vibroimpact.kernels.runner import ending_of, may_close
 
 CLOSES = 100  # a cell that waits for its cycle to be walked; other codes are why a cell ended, or RUNNING
@@ -85,7 +85,7 @@ def step(running, lanes, notes, facts, states, looks, transient, total):
         for _ in range(looks):
             for _ in range(LOOK):
                 step_lane(group, i, transient, total)
-            note[MADE] += LOOK
+            note[STEPS] += LOOK
             state = CLOSES if may_close(group, i, note, total, None) else ending_of(group, i, note, total)
             if state != RUNNING:
                 break
@@ -98,13 +98,13 @@ def step_thoroughly(running, lanes, notes, facts, states, looks, transient, tota
     t = cuda.grid(1)
     if t < len(running):
         j = running[t]
-        group, i, note, own_facts = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j]), _plain(facts[j])
+        group, i, note, facts_of_cell = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j]), _plain(facts[j])
         state = RUNNING
         for _ in range(looks):
             for _ in range(LOOK):
                 step_thorough_lane(group, i, transient, total)
-            note[MADE] += LOOK
-            state = CLOSES if may_close(group, i, note, total, own_facts) else ending_of(group, i, note, total)
+            note[STEPS] += LOOK
+            state = CLOSES if may_close(group, i, note, total, facts_of_cell) else ending_of(group, i, note, total)
             if state != RUNNING:
                 break
         states[j] = state
@@ -128,9 +128,9 @@ def close_thoroughly(waiting, lanes, notes, facts, states, cycles, transient, to
     t = cuda.grid(1)
     if t < len(waiting):
         j = waiting[t]
-        group, i, note, own_facts = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j]), _plain(facts[j])
+        group, i, note, facts_of_cell = _plain(lanes[j // LANES]), j % LANES, _plain(notes[j]), _plain(facts[j])
         trace = cuda.local.array((CHUNK, TRACE), float64)
-        close_lane(group, i, note, transient, total, early_closing, _plain(cycles[t]), own_facts, trace, None)
+        close_lane(group, i, note, transient, total, early_closing, _plain(cycles[t]), facts_of_cell, trace, None)
         states[j] = ending_of(group, i, note, total)
 
 

@@ -135,14 +135,18 @@ def sine_cosine(angle):
 
 
 @inner(forceinline=True)
-def rotate(s, c, angle):
-    """Turn (sin wt, cos wt) by an angle of at most REACH radians, and pull it back to unit length."""
-    sd, cd = sine_cosine(angle)
-    s1 = fma(s, cd, c * sd)
-    c1 = fma(c, cd, -s * sd)
+def turned(s, c, sine, cosine):
+    """Return (sin wt, cos wt) turned by an angle, and pulled back to unit length."""
+    s1, c1 = fma(s, cosine, c * sine), fma(c, cosine, -s * sine)
     # One Newton step of 1/sqrt: |(s, c)| stays 1 to rounding however many steps are taken.
     pull = fma(-0.5, fma(s1, s1, c1 * c1), 1.5)
     return s1 * pull, c1 * pull
+
+
+@inner(forceinline=True)
+def rotate(s, c, angle):
+    """Return (sin wt, cos wt) turned by an angle of at most REACH radians."""
+    return turned(s, c, *sine_cosine(angle))
 
 
 @inner
@@ -240,27 +244,27 @@ def least_gap(a, x, p1, q1):
 
 
 @inner
-def least_gap_exactly(motion, k, x, known):
+def least_gap_exactly(motion, k, x, below):
     """Return the least gap within a flight of x steps, to rounding, or NONE.
 
-    A gap that is not below the least one `known` may be left out.
+    One that is not `below` this gap may be left out.
     """
     least = NONE
     while x > 1.0:
-        least = min(least, _least_in_step(motion, k, 1.0, min(known, least)))
+        least = min(least, _least_in_step(motion, k, 1.0, min(below, least)))
         motion, x = whole_step(motion, k), x - 1.0
-    return min(least, _least_in_step(motion, k, x, min(known, least)))
+    return min(least, _least_in_step(motion, k, x, min(below, least)))
 
 
 @inner
-def _least_in_step(motion, k, x, known):
+def _least_in_step(motion, k, x, below):
     """Return the least gap within a step, searched in pieces."""
     a = series(motion, k, False)
     least, change = NONE, 0.0
     for j in range(len(a) - 1, 1, -1):
         change = x * (change + 1.001 * j * abs(a[j]))
     # Neither where the rate keeps its sign, nor where the gap stays above u + min(p, 0) x - change x/2.
-    if abs(motion.p) > change or motion.u + (min(motion.p, 0.0) - 0.5 * change) * x > known:
+    if abs(motion.p) > change or motion.u + (min(motion.p, 0.0) - 0.5 * change) * x > below:
         return least
     before = motion.p
     for piece in range(PIECES):

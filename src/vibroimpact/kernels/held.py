@@ -38,9 +38,9 @@ class Held(types.Type):
         super().__init__(f"held({of}, without {sorted(lacks)})")
 
     def can_convert_to(self, typing: Any, other: Any) -> Any:
-        """Return that it is one of which less is known, too."""
-        known = isinstance(other, Held) and other.of == self.of and other.lacks <= self.lacks
-        return Conversion.safe if known else None
+        """Return that this converts to a type of which fewer fields are known to be False."""
+        converts = isinstance(other, Held) and other.of == self.of and other.lacks <= self.lacks
+        return Conversion.safe if converts else None
 
 
 @register_model(Held)
@@ -133,7 +133,7 @@ class _Lacks(FunctionPass):
         lacks = {
             name: getattr(kind, "lacks", ()) for name, kind in zip(state.func_ir.arg_names, state.args, strict=False)
         }
-        found = False
+        changed = False
         for block in state.func_ir.blocks.values():
             for line in block.find_insts(ir.Assign):
                 field = line.value
@@ -142,10 +142,10 @@ class _Lacks(FunctionPass):
                     and field.op == "getattr"
                     and field.attr in lacks.get(field.value.name, ())
                 ):
-                    line.value, found = ir.Const(False, line.loc), True
-        if found:
+                    line.value, changed = ir.Const(False, line.loc), True
+        if changed:
             state.func_ir._definitions = build_definitions(state.func_ir.blocks)
-        return found
+        return changed
 
 
 class Pruning(Compiler):

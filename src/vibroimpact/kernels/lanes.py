@@ -36,13 +36,13 @@ from vibroimpact.kernels.observers import (
     sums,
     turn,
 )
-from vibroimpact.kernels.state import Constants, Motion, kept
+from vibroimpact.kernels.state import Constants, Motion, accessors
 from vibroimpact.kernels.vectors import LANES as BLOCK
-from vibroimpact.kernels.vectors import anywhere, give
+from vibroimpact.kernels.vectors import anywhere, put_at
 
 LANES = 32
 
-(load_motion, store_motion), (load_constants, store_constants), CELL = kept(0, LANES, Motion, Constants)
+(load_motion, store_motion), (load_constants, store_constants), CELL = accessors(0, LANES, Motion, Constants)
 (
     (load_sums, store_sums),
     (load_first, store_first),
@@ -57,7 +57,7 @@ LANES = 32
     (load_turn_phases, store_turn_phases),
     (load_misses, store_misses),
     ROWS,
-) = kept(
+) = accessors(
     CELL, LANES, Sums, Stamp, Stamp, Rests, Turn, Recurrence, Deviation, Grown, Grown, Phases, Phases, Misses
 )  # fmt: skip
 
@@ -91,10 +91,10 @@ def _counted(lanes, i, event, transient, total, wide):
 def observe(lanes, i, motion, event, v, x, transient, total, wide):
     """Observe the step of lane i that led to a motion."""
     count, hit, kept, first, last = _counted(lanes, i, event, transient, total, wide)
-    found = sums(load_sums(lanes, i, wide), count, v, first, kept)
-    store_sums(lanes, i, found, wide)
+    summed = sums(load_sums(lanes, i, wide), count, v, first, kept)
+    store_sums(lanes, i, summed, wide)
     if anywhere(event == RELEASE):
-        store_turn(lanes, i, turn(load_turn(lanes, i, wide), motion, event, found), wide)
+        store_turn(lanes, i, turn(load_turn(lanes, i, wide), motion, event, summed), wide)
     if anywhere(first | last):
         store_first(lanes, i, stamp(load_first(lanes, i, wide), motion, first), wide)
         store_last(lanes, i, stamp(load_last(lanes, i, wide), motion, last), wide)
@@ -105,8 +105,7 @@ def observe(lanes, i, motion, event, v, x, transient, total, wide):
 @inner(forceinline=True)
 def observe_thoroughly(lanes, i, k, below, motion, event, v, x, way, transient, total, wide):
     """Observe all that can be observed of the step of lane i that led to a motion, `way` being how."""
-    found = misses(load_misses(lanes, i, wide), *way, motion, k, event, v, x, below)
-    store_misses(lanes, i, found, wide)
+    store_misses(lanes, i, misses(load_misses(lanes, i, wide), *way, motion, k, event, v, x, below), wide)
     _, _, kept, first, last = _counted(lanes, i, event, transient, total, wide)
     old = load_deviation(lanes, i, wide)
     if anywhere(size_of(old) > 0.0):
@@ -175,8 +174,8 @@ def trace_lanes(lanes, trace):
         row = trace[k]
         for first in range(0, LANES, BLOCK):
             _, _, event, v, x, _ = _move(lanes, first, 0)
-            give(row, STATE * LANES + first, 0, event)
-            give(row, (STATE + 1) * LANES + first, 0, v)
-            give(row, (STATE + 2) * LANES + first, 0, x)
+            put_at(row, STATE * LANES + first, 0, event)
+            put_at(row, (STATE + 1) * LANES + first, 0, v)
+            put_at(row, (STATE + 2) * LANES + first, 0, x)
         for j in range(STATE * LANES):
             row[j] = lanes[j]

@@ -110,8 +110,8 @@ def _leap(leapt, over, k, below):
     margin = leapt.margin
     if below is not None:
         # The gap less a constant is certified like the gap: what stays above the least one known is not searched.
-        known = least(below, margin)
-        doubtful = leaps & no(stays_clear(at.u - known, to.u - known, half))
+        closest = least(below, margin)
+        doubtful = leaps & no(stays_clear(at.u - closest, to.u - closest, half))
         if anywhere(doubtful):
             dips = doubtful & (dipping(at, to, k) > 0.0)
             far = doubtful & (over.X > LONG)  # enough for its rate to turn back
@@ -140,15 +140,15 @@ def dipping(at, to, k):
 def _least_gap_between(at, to, X, k):
     """Return the least gap of the near-misses that a leap passed, step by step, or NONE."""
     nowhere = never(at.u)
-    margin, left = select(nowhere, at.u, NONE), select(nowhere, at.u, X)
-    while anywhere(left > 0.0):
-        end = chosen(left < 1.0, to, flown_over(at, k.short.flow))
-        dips = least(left, dipping(at, end, k)) > 0.0
+    margin, remaining = select(nowhere, at.u, NONE), select(nowhere, at.u, X)
+    while anywhere(remaining > 0.0):
+        end = chosen(remaining < 1.0, to, flown_over(at, k.short.flow))
+        dips = least(remaining, dipping(at, end, k)) > 0.0
         if anywhere(dips):
             slope = acceleration(end.u, end.p, end.s, k)
-            found = least_gap(series(at, k, nowhere), least(left, 1.0), end.p, slope)
-            margin = select(dips, least(margin, found), margin)
-        at, left = end, left - 1.0
+            gap = least_gap(series(at, k, nowhere), least(remaining, 1.0), end.p, slope)
+            margin = select(dips, least(margin, gap), margin)
+        at, remaining = end, remaining - 1.0
     return margin
 
 

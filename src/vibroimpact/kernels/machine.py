@@ -71,7 +71,7 @@ def cache_folder() -> str:
     return str(Path(root) / f"kernels-{key}")
 
 
-# Kernels allocate nothing, and count no references to what they are given: a quarter of the time of a system's steps.
+# Kernels allocate nothing, and count no references to their arguments: a quarter of the time of a system's steps.
 BARE: Any = {"error_model": "numpy", "_nrt": False}
 
 
@@ -121,20 +121,20 @@ def inner(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     if function is None:
         return partial(inner, **options)
     part = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": _PartCompiler}
-    made: Any = njit(**BARE | part | options)(function)
-    compile_one = made._compiler.compile
+    dispatcher: Any = njit(**BARE | part | options)(function)
+    compile_one = dispatcher._compiler.compile
 
     def compile_named(*signature: Any) -> Any:
         """Return the compiled function, which others know by its entry; it needs one, called or not."""
-        found = compile_one(*signature)._replace(entry_point=object())
-        found.target_context.insert_user_function(found.entry_point, found.fndesc, [found.library])
-        return found
+        result = compile_one(*signature)._replace(entry_point=object())
+        result.target_context.insert_user_function(result.entry_point, result.fndesc, [result.library])
+        return result
 
-    made._compiler.compile = compile_named
-    made._insert = lambda *overload: None
+    dispatcher._compiler.compile = compile_named
+    dispatcher._insert = lambda *overload: None
     callable_one = cache(lambda: njit(error_model="numpy")(function))
-    made._compile_for_args = lambda *arguments, **named: callable_one()  # what Python then calls
-    return made
+    dispatcher._compile_for_args = lambda *arguments, **named: callable_one()  # what Python then calls
+    return dispatcher
 
 
 # Optimised on its own before it becomes a part of others: loops over lanes gain a tenth.
@@ -159,12 +159,13 @@ def whole(x):
     return (x + WHOLE) - WHOLE
 
 
-_told: dict[Any, tuple[str, float, str]] = {}  # drivers: what they compute, in about how many seconds, where it is kept
+# Of each driver: what it computes, in about how many seconds it is compiled, and where it is kept.
+_announcements: dict[Any, tuple[str, float, str]] = {}
 ONCE, ANEW = "once on this machine", "in each process, as {} cannot be written: NUMBA_CACHE_DIR names another folder"
 
 
-class _Teller(Listener):
-    """Tells what is compiled: what is found in the cache is not. No garbage is looked for meanwhile: a tenth less time.
+class _Announcer(Listener):
+    """Announces what is compiled, not what the cache holds. No garbage is collected meanwhile: a tenth less time.
 
     One thread compiles at a time.
     """
@@ -172,44 +173,44 @@ class _Teller(Listener):
     collects = False
 
     def on_start(self, event: Event) -> None:
-        if told := _told.get(event.data["dispatcher"]):
+        if announcement := _announcements.get(event.data["dispatcher"]):
             if gc.isenabled():
                 self.collects = True
                 gc.disable()
-            compiling.begin(*told)
+            compiling.begin(*announcement)
 
     def on_end(self, event: Event) -> None:
-        if event.data["dispatcher"] in _told:
+        if event.data["dispatcher"] in _announcements:
             compiling.end()
             if self.collects and not compiling.under_way():
                 self.collects = False
                 gc.enable()
 
 
-register("numba:compile", _Teller())
+register("numba:compile", _Announcer())
 
 
 def compiled(what: str, seconds: float) -> Callable[[Callable[..., Any]], Any]:
     """Compile a driver of kernels without the interpreter lock, cached on disk where that can be written.
 
-    `what` it computes and in about how many seconds it is compiled is told when that begins.
+    `what` it computes and in about how many seconds it is compiled is announced when that begins.
     """
 
     def driver(function: Callable[..., Any]) -> Any:
-        kept, how = config.CACHE_DIR, BARE | {"nogil": True, "pipeline_class": Pruning}
+        cache_dir, how = config.CACHE_DIR, BARE | {"nogil": True, "pipeline_class": Pruning}
         config.CACHE_DIR = cache_folder()
         try:
             os.makedirs(cache_folder(), exist_ok=True)  # else Numba takes one where versions mix
-            made = njit(**how, cache=True)(function)
-            _told[made] = what, seconds, ONCE
-            _mend(made._cache)
-            claim_what_is_missing(made, cache_folder(), _told[made])
+            dispatcher = njit(**how, cache=True)(function)
+            _announcements[dispatcher] = what, seconds, ONCE
+            _mend(dispatcher._cache)
+            claim_what_is_missing(dispatcher, cache_folder(), _announcements[dispatcher])
         except (OSError, RuntimeError):  # no folder to write to
-            made = njit(**how)(function)
-            _told[made] = what, seconds, ANEW.format(cache_folder())
+            dispatcher = njit(**how)(function)
+            _announcements[dispatcher] = what, seconds, ANEW.format(cache_folder())
         finally:
-            config.CACHE_DIR = kept
-        return made
+            config.CACHE_DIR = cache_dir
+        return dispatcher
 
     return driver
 

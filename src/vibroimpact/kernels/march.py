@@ -9,14 +9,14 @@ from vibroimpact.kernels.machine import compiled
 
 @compiled("a march", 1)
 def march(law, y, v, step, last, impact_step, impact_velocity):
-    """March from `step` to `last`, or until the arrays are full; return y, y', the step and the impacts found.
+    """March from `step` to `last`, or until the arrays are full; return y, y', the step and the number of impacts.
 
     Time is origin + step h, not a sum over steps, which would gather rounding.
     """
     damp, stiff, drive, omega, gap, restitution, origin, h = law
-    found = 0
+    number = 0
     push = drive * math.sin(omega * (origin + step * h))
-    while step < last and found < len(impact_step):
+    while step < last and number < len(impact_step):
         push_mid = drive * math.sin(omega * (origin + (step + 0.5) * h))
         push_end = drive * math.sin(omega * (origin + (step + 1) * h))
         a1 = push - damp * v - stiff * y
@@ -31,8 +31,8 @@ def march(law, y, v, step, last, impact_step, impact_velocity):
         push = push_end
         step += 1
         if y >= gap and v > 0.0:
-            impact_step[found] = step
-            impact_velocity[found] = v
-            found += 1
+            impact_step[number] = step
+            impact_velocity[number] = v
+            number += 1
             y, v = gap, -restitution * v
-    return y, v, step, found
+    return y, v, step, number

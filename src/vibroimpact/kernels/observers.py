@@ -132,15 +132,15 @@ def repeated(old, hits, shift, v, times):
 
 
 @inner
-def velocity_indices(found, span, ratio, h, keep):
+def velocity_indices(summed, span, ratio, h, keep):
     """Return the indices of `keep` impacts within `span` periods; `ratio` is the p/n of a closed cycle, or 0."""
-    mean = found.sum1 / keep
-    variance = found.sum2 / keep - mean * mean
+    mean = summed.sum1 / keep
+    variance = summed.sum2 / keep - mean * mean
     rate = (keep - 1.0) / span if keep > 1.0 else math.nan
     return VelocityIndices(
         std=math.sqrt(max(variance, 0.0)) / h,
-        mean_velocity=(found.shift + mean) / h,
-        max_velocity=found.largest / h,
+        mean_velocity=(summed.shift + mean) / h,
+        max_velocity=summed.largest / h,
         impacts_per_period=ratio if ratio > 0.0 else rate,  # of a closed cycle exactly p/n
     )
 
@@ -163,13 +163,13 @@ def rests(old, event, x, count, transient, total):
 
 
 @inner(forceinline=True)
-def turn(old, motion, event, found):
+def turn(old, motion, event, summed):
     """Note what has been summed up to a release."""
     released = event == RELEASE
     return Turn(
-        select(released, found.hits, old.hits),
-        select(released, found.sum1, old.sum1),
-        select(released, found.sum2, old.sum2),
+        select(released, summed.hits, old.hits),
+        select(released, summed.sum1, old.sum1),
+        select(released, summed.sum2, old.sum2),
         select(released, motion.n, old.n),
     )
 
@@ -178,7 +178,7 @@ def turn(old, motion, event, found):
 def recurrence(old, v, count, hit):
     """Watch for impacts that recur: compare the speed of each with that of a reference impact.
 
-    The reference moves on every 32 impacts at first, later more rarely, so that longer cycles are seen too.
+    The reference moves on every 32 impacts at first, later more rarely, so that longer cycles are noticed too.
     """
     back = hit & (abs(v - old.speed) < old.near) & (old.candidate == 0.0)
     moves = hit & (count == old.following)

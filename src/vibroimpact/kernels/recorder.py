@@ -1,4 +1,4 @@
-"""Write down what a window sees of a cell, step by step: impacts, looks at the mass, sticks."""
+"""Record what a window samples of a cell, step by step: impacts, looks at the mass, sticks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vibroimpact.kernels.lanes import CELL, LANES, trace_lanes
 from vibroimpact.kernels.law import pressed, tail_duration
 from vibroimpact.kernels.leaps import TURN
 from vibroimpact.kernels.machine import compiled, inner
-from vibroimpact.kernels.state import Constants, Motion, kept
+from vibroimpact.kernels.state import Constants, Motion, accessors
 
 IDLE = FILLED  # the ending of a lane without a cell
 FADED = 1e-280  # square of a speed, in m a step: whole motion at rest at the stop, to any scale
@@ -38,8 +38,8 @@ class Plan(NamedTuple):
 
 
 class Progress(NamedTuple):
-    """What was seen so far: when the mass last came to rest or hit, steps since an impact and in all, impacts, looks,
-    at how many steps the ending is looked for next, and the ending.
+    """When the mass last came to rest or hit, steps since an impact and in all, impacts, looks, at how many steps the
+    ending is looked for next, and the ending.
     """
 
     rest_n: float
@@ -72,7 +72,7 @@ class Recorder(NamedTuple):
     (load_plan, store_plan),
     (load_progress, store_progress),
     MEMORY,
-) = kept(0, 1, Motion, Constants, Plan, Progress)
+) = accessors(0, 1, Motion, Constants, Plan, Progress)
 END = MEMORY - 1  # the place of the ending
 
 
@@ -105,14 +105,14 @@ def state_of(memory):
 @inner
 def _look(before, after, k, plan, looked, event, x, looks, row):
     """Write down the looks on a step, its end excluded, from a row on; return the looks so far and the steps passed."""
-    here = phase_of(before.s, before.c)
+    phase = phase_of(before.s, before.c)
     rests = event in (RELEASE, STUCK)
     if event == RELEASE:
-        x = ((after.n - before.n) + (phase_of(after.s, after.c) - here)) * TURN / k.th
+        x = ((after.n - before.n) + (phase_of(after.s, after.c) - phase)) * TURN / k.th
     passed, n = 0.0, before.n
     at_release = before.u == 0.0 and before.p == 0.0 and pressed(before.s, before.c, k)[1]
     while looked < plan.looks:
-        since = (plan.first_phase - here) + looked / plan.per_period
+        since = (plan.first_phase - phase) + looked / plan.per_period
         ahead = ((plan.first_n - n) + since) * TURN / k.th
         if not (ahead < x or event == STUCK):
             break
@@ -127,7 +127,7 @@ def _look(before, after, k, plan, looked, event, x, looks, row):
 
 @inner
 def read(recorder, trace, rows, width, i):
-    """Write down what the window sees of the steps in `rows` of a trace, of lane i of `width`.
+    """Record what the window samples of the steps in `rows` of a trace, of lane i of `width`.
 
     A full buffer ends the reading: the memory holds the state from which to step on once there is room.
     """
@@ -145,9 +145,9 @@ def read(recorder, trace, rows, width, i):
         if plan.looks > 0.0:
             following = (plan.first_n - after.n) + (plan.first_phase + looked / plan.per_period)
             if following < SURELY or event == STUCK:
-                seen = looked
+                former = looked
                 looked, x = _look(before, after, k, plan, looked, event, x, looks, n_looks)
-                n_looks += int(looked - seen)
+                n_looks += int(looked - former)
                 if looked >= plan.looks:
                     end = FILLED
         if rests and (plan.looks > 0.0 or hits > plan.transient):
@@ -166,8 +166,8 @@ def read(recorder, trace, rows, width, i):
         if motion.u == 0.0 and not rests:
             phase = phase_of(motion.s, motion.c)
             dwell = tail_duration(v, motion.s, motion.c, k) if event == CHATTER else 0.0
-            there = phase + dwell * k.th / TURN
-            rest_n, rest_phase = motion.n + math.floor(there), there - math.floor(there)
+            settled = phase + dwell * k.th / TURN
+            rest_n, rest_phase = motion.n + math.floor(settled), settled - math.floor(settled)
             if event == IMPACT:
                 age = 0.0
                 hits += 1.0

@@ -53,7 +53,7 @@ def restitution(rows, z, v, k):
     number = rows[k.restitution + z]
     if rows[k.law + z] == 0.0:
         return number, number
-    speed = max(v / rows[k.tick], 1e-300)  # not every law can be asked at rest
+    speed = max(v / rows[k.tick], 1e-300)  # not every law has a value at rest
     r = _called(rows[k.law + z], speed, number, 0)
     slope = _called(rows[k.law + z], speed, number, 1)
     if not 0.0 <= r <= 1.0:
@@ -63,7 +63,7 @@ def restitution(rows, z, v, k):
 
 
 def address_of(code: float, rule: Callable[[Callable[[Any], Any], Any], Any]) -> float:
-    """Return the address of what computes a law, which is compiled when it is first asked for; 0.1 to 0.5 s.
+    """Return the address of what computes a law, which is compiled when it is first needed; 0.1 to 0.5 s.
 
     Raises
     ------

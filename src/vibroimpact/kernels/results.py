@@ -23,21 +23,21 @@ from vibroimpact.kernels.law import energy_loss
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.observers import FOLD, Turn, VelocityIndices, velocity_indices
 
-# What is noted of a cell beside its lane; from TURN on, what its lane told of a release.
-H, SCALE, FLIGHT, GRANTED, MADE, RATIO, KNOWN, RELEASES, TURN = range(9)
+# What is noted of a cell beside its lane; from TURN on, what its lane had summed up at a release.
+H, SCALE, FLIGHT, GRANTED, STEPS, RATIO, ADDED, RELEASES, TURN = range(9)
 NOTES = TURN + len(Turn._fields) + 2
 WALK = 50_000  # steps after which a cycle is given up
 PERHAPS = 2000  # steps in which a mass that has stuck once may stick again
 
 
 class Course(NamedTuple):
-    """What decides the status: periods that the window spans, sticks in it, impacts and steps computed, and not."""
+    """What decides the status: periods and sticks of the window, impacts and steps computed, and impacts added."""
 
     span: float
     sticks: float
     counted: float
     steps: float
-    known: float
+    added: float
 
 
 class ThoroughIndices(NamedTuple):
@@ -68,25 +68,24 @@ def _put(result, first, values):
 @inner
 def harvest(lanes, i, note, keep, result):
     """Turn the sums of lane i, in lengths of a step, into indices per second and the course of its window."""
-    h, found = note[H], lane.load_sums(lanes, i)
+    h, sums = note[H], lane.load_sums(lanes, i)
     first, last = lane.load_first(lanes, i), lane.load_last(lanes, i)
     span = (last.n - first.n) + (phase_of(last.s, last.c) - phase_of(first.s, first.c))
     course = Course(
         span=span,
         sticks=lane.load_rests(lanes, i).stuck,
-        counted=found.hits - note[KNOWN],
-        steps=note[MADE],
-        known=note[KNOWN],
+        counted=sums.hits - note[ADDED],
+        steps=note[STEPS],
+        added=note[ADDED],
     )
     _put(result, 0, course)
-    _put(result, _VELOCITIES, velocity_indices(found, span, note[RATIO], h, keep))
+    _put(result, _VELOCITIES, velocity_indices(sums, span, note[RATIO], h, keep))
 
 
 @inner
 def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
     """Turn the sums of a thorough lane and the facts of its cycle into indices; `harvest` comes first."""
-    found, seen = lane.load_sums(lanes, i), lane.load_misses(lanes, i)
-    rests = lane.load_rests(lanes, i)
+    sums, rests = lane.load_sums(lanes, i), lane.load_rests(lanes, i)
     returns = rests.releases > 1.0
     stuck = returns or rests.stuck > 0.0
     if stuck and not facts[RESTS] > 0.0:  # else `close` has described the turn
@@ -104,18 +103,18 @@ def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
         resting = facts[RESTS] / facts[PERIODS]
         margin = facts[MISS]
     else:
-        margin = seen.margin
-        span, gone = result[0], keep - 1.0
+        margin = lane.load_misses(lanes, i).margin
+        span, later = result[0], keep - 1.0
         first, last = lane.load_first_size(lanes, i), lane.load_last_size(lanes, i)
         growth = -math.inf
         if last.size > 0.0 and not stuck:
             growth = math.log(last.size / first.size) + (last.folds - first.folds) * math.log(FOLD)
             growth -= 0.5 * cell.damping / cell.mass * span * period
-        exponent = growth / (span * period) if gone > 0.0 else math.nan
-        per_impact = growth / gone if gone > 0.0 else math.nan
-        squares = found.sum2 + found.shift * (2.0 * found.sum1 + gone * found.shift)
-        dissipation = lost * squares / span if gone > 0.0 else math.nan
-        resting = 0.0 if gone > 0.0 and not stuck else math.nan
+        exponent = growth / (span * period) if later > 0.0 else math.nan
+        per_impact = growth / later if later > 0.0 else math.nan
+        squares = sums.sum2 + sums.shift * (2.0 * sums.sum1 + later * sums.shift)
+        dissipation = lost * squares / span if later > 0.0 else math.nan
+        resting = 0.0 if later > 0.0 and not stuck else math.nan
     indices = ThoroughIndices(
         lyapunov=exponent,
         lyapunov_per_impact=per_impact,

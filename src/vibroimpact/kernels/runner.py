@@ -14,13 +14,13 @@ from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket
 from vibroimpact.kernels.observers import DEVIATION, Deviation, Misses, Recurrence
 from vibroimpact.kernels.recorder import END, overhear, room
 from vibroimpact.kernels.results import (
+    ADDED,
     FLIGHT,
     GRANTED,
-    KNOWN,
-    MADE,
     RATIO,
     RELEASES,
     SCALE,
+    STEPS,
     TURN,
     H,
     harvest,
@@ -44,7 +44,7 @@ def begin(lanes, i, note, cell, total, chatter, flight_periods, steps_per_impact
     lane.store_misses(lanes, i, Misses(NONE))
     longest, granted = budgets(cell, flight_periods, steps_per_impact, total)
     note[H], note[SCALE], note[FLIGHT], note[GRANTED] = h, scale, longest, granted
-    note[MADE], note[RATIO], note[KNOWN], note[RELEASES], note[TURN] = 0.0, 0.0, 0.0, 0.0, -1.0
+    note[STEPS], note[RATIO], note[ADDED], note[RELEASES], note[TURN] = 0.0, 0.0, 0.0, 0.0, -1.0
 
 
 @inner
@@ -82,7 +82,7 @@ def seated(cells, tickets, lanes, owner, notes, facts, total, chatter, flight_pe
 def may_end(lanes, i, note, total):
     """Return whether lane i may end here: a look at few of its numbers, before all that `ending_of` asks."""
     motion, k, age = lane.load_motion(lanes, i), lane.load_constants(lanes, i), lane.load_rests(lanes, i).age
-    spent = (lane.load_sums(lanes, i).hits >= total) | (note[MADE] > note[GRANTED])
+    spent = (lane.load_sums(lanes, i).hits >= total) | (note[STEPS] > note[GRANTED])
     return spent | (motion.p == 0.0) | (k.A == 0.0) | (age > min(QUIET_FOR, note[FLIGHT]))
 
 
@@ -93,7 +93,7 @@ def ending_of(lanes, i, note, total):
         return FILLED
     age = lane.load_rests(lanes, i).age
     return ending(
-        lane.load_motion(lanes, i), lane.load_constants(lanes, i), age, note[FLIGHT], note[MADE], note[GRANTED]
+        lane.load_motion(lanes, i), lane.load_constants(lanes, i), age, note[FLIGHT], note[STEPS], note[GRANTED]
     )
 
 
@@ -131,14 +131,14 @@ def run_cells(
         else:
             lane.step_thorough_lanes(lanes, busy, LOOK, transient, total)
         for i in range(busy):
-            notes[i, MADE] += LOOK
+            notes[i, STEPS] += LOOK
             closes = may_close(lanes, i, notes[i], total, facts)
             if not (closes | may_end(lanes, i, notes[i], total)):
                 continue
             j = owner[i]
             if closes:
-                own_facts = None if facts is None else facts[i]
-                close(lanes, i, notes[i], transient, total, early_closing, cycle, own_facts, trace, None)
+                facts_of_cell = None if facts is None else facts[i]
+                close(lanes, i, notes[i], transient, total, early_closing, cycle, facts_of_cell, trace, None)
             ends[j] = ending_of(lanes, i, notes[i], total)
             if ends[j] != RUNNING:
                 keep = total - transient
@@ -163,7 +163,7 @@ def follow_cell(
     """
     lanes, owner, notes, cycle, trace = seat
     note, cell = notes[0], cell_of(cells[0])
-    own_facts = None if facts is None else facts[0]
+    facts_of_cell = None if facts is None else facts[0]
     if owner[0] < 0:
         begin(lanes, 0, note, cell, total, chatter, flight_periods, steps_per_impact)
         owner[0] = 0
@@ -171,17 +171,17 @@ def follow_cell(
     for _ in range(looks):
         if ends[0] != RUNNING or (room(recorder) <= LOOK and recorder.memory[END] == RUNNING):
             return
-        made = 0
-        while made < LOOK:
+        steps = 0
+        while steps < LOOK:
             start = lane.load_motion(lanes, 0)
-            rows = walk(start, k, trace, LOOK - made, 0.0)
+            rows = walk(start, k, trace, LOOK - steps, 0.0)
             overhear(recorder, start, trace, rows)
             for row in range(rows):
                 lane.observe_walked(lanes, 0, k, trace, row, transient, total, facts)
-            made += rows
-        note[MADE] += LOOK
-        if may_close(lanes, 0, note, total, own_facts):
-            close(lanes, 0, note, transient, total, early_closing, cycle, own_facts, trace, recorder)
+            steps += rows
+        note[STEPS] += LOOK
+        if may_close(lanes, 0, note, total, facts_of_cell):
+            close(lanes, 0, note, transient, total, early_closing, cycle, facts_of_cell, trace, recorder)
         ends[0] = ending_of(lanes, 0, note, total)
         if ends[0] != RUNNING:
             harvest(lanes, 0, note, total - transient, results[0])

@@ -73,8 +73,7 @@ class Constants(NamedTuple):
 
     C, K, A, G, th, Q stand in the equation of motion (`vibroimpact.kernels`); r is the restitution, cut the speed
     below which impacts are not recorded, tail the factor 2 r/(1 - r) of a chatter's duration, (sr, cr) the pair
-    (sin wt, cos wt) of the release, `short` and `long` are the leaps, and `third` and `two_thirds` give the rate in the
-    long one.
+    (sin wt, cos wt) of the release, `short` and `long` are the leaps.
     """
 
     C: float
@@ -95,7 +94,7 @@ class Constants(NamedTuple):
 OMITTED = types.Omitted(None)
 
 
-def kept(first: int, stride: int, *kinds: Any) -> tuple[Any, ...]:
+def accessors(first: int, stride: int, *kinds: Any) -> tuple[Any, ...]:
     """Return the functions load(array, i) and store(array, i, value) of each named tuple kept in a flat array.
 
     Entries are `stride` apart: entry k is `array[k * stride + i]`, or with `wide` (not None) as many from there on as a
@@ -126,7 +125,7 @@ def _pair(kind: Any, first: int, stride: int) -> tuple[Any, Any]:
         result = _type(kind, number)
 
         def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            return _made(context, builder, result, places(context, builder, array, values, number))
+            return _assembled(context, builder, result, places(context, builder, array, values, number))
 
         return result(array, types.intp, wide or OMITTED), codegen
 
@@ -161,10 +160,10 @@ def _type(kind: Any, number: Any) -> Any:
     )
 
 
-def _made(context: Any, builder: Any, kind: Any, places: Iterator[Any]) -> Any:
+def _assembled(context: Any, builder: Any, kind: Any, places: Iterator[Any]) -> Any:
     """Emit a tuple of what lies at the places."""
     parts = [
-        _made(context, builder, part, places) if isinstance(part, types.BaseTuple) else read(builder, next(places))
+        _assembled(context, builder, part, places) if isinstance(part, types.BaseTuple) else read(builder, next(places))
         for part in kind
     ]
     return context.make_tuple(builder, kind, parts)
@@ -173,8 +172,8 @@ def _made(context: Any, builder: Any, kind: Any, places: Iterator[Any]) -> Any:
 def _parts(builder: Any, kind: Any, value: Any) -> Iterator[tuple[Any, Any]]:
     """Go through the numbers of a tuple, each with its type."""
     for at, part in enumerate(kind):
-        found = builder.extract_value(value, at)
+        item = builder.extract_value(value, at)
         if isinstance(part, types.BaseTuple):
-            yield from _parts(builder, part, found)
+            yield from _parts(builder, part, item)
         else:
-            yield found, part
+            yield item, part

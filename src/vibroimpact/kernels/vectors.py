@@ -74,9 +74,9 @@ def _halves(builder: Any, name: str, result: Any, values: tuple[Any, ...], *more
     function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.x86.avx.{name}.256")
     parts = []
     for places in (range(4), range(4, 8)):
-        of_it = ir.Constant(ir.VectorType(_PLACE, 4), list(places))
-        own = [builder.shuffle_vector(value, ir.Constant(value.type, ir.Undefined), of_it) for value in values]
-        parts.append(builder.call(function, [*own, *more]))
+        picks = ir.Constant(ir.VectorType(_PLACE, 4), list(places))
+        half = [builder.shuffle_vector(value, ir.Constant(value.type, ir.Undefined), picks) for value in values]
+        parts.append(builder.call(function, [*half, *more]))
     return parts
 
 
@@ -97,11 +97,11 @@ def _define(operation: Any, result: Vector, emit: Callable[..., Any], places: in
 
     @type_callable(operation)
     def _typed(context: Any) -> Any:
-        def known(*kinds: Any) -> Any:
+        def resolved(*kinds: Any) -> Any:
             fits = all(kind is NUMBERS or isinstance(kind, _SINGLE) for kind in kinds)
             return result if fits and NUMBERS in kinds and len(kinds) == places else None
 
-        return (lambda a: known(a)) if places == 1 else lambda a, b: known(a, b)
+        return (lambda a: resolved(a)) if places == 1 else lambda a, b: resolved(a, b)
 
     def lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         return emit(builder, *map(lambda v, k: _spread(context, builder, v, k), values, signature.args))
@@ -143,8 +143,8 @@ def _logical(operation: Any, name: str) -> None:
     def _lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         if not MASKS:
             return getattr(builder, name)(*values)
-        found = getattr(builder, name)(*(builder.bitcast(value, _BITS) for value in values))
-        return builder.bitcast(found, _TRUTHS)
+        bits = getattr(builder, name)(*(builder.bitcast(value, _BITS) for value in values))
+        return builder.bitcast(bits, _TRUTHS)
 
 
 _logical(operator.and_, "and_")
@@ -236,16 +236,16 @@ def kind_at(wide: Any) -> Any:
 
 def place_of(context: Any, builder: Any, array: tuple[Any, Any], place: Any, kind: Any) -> Any:
     """Return the place of a value of this type in an array (type and value), from a place on."""
-    kept = context.make_array(array[0])(context, builder, array[1])
-    pointer = builder.gep(kept.data, [place])
+    view = context.make_array(array[0])(context, builder, array[1])
+    pointer = builder.gep(view.data, [place])
     return builder.bitcast(pointer, _NUMBERS.as_pointer()) if kind is NUMBERS else pointer
 
 
 def read(builder: Any, pointer: Any) -> Any:
     """Emit a load from where a value lies, which is aligned as a number is."""
-    found = builder.load(pointer)
-    found.align = 8
-    return found
+    value = builder.load(pointer)
+    value.align = 8
+    return value
 
 
 def write(context: Any, builder: Any, pointer: Any, value: Any, kinds: tuple[Any, Any]) -> None:
@@ -255,7 +255,7 @@ def write(context: Any, builder: Any, pointer: Any, value: Any, kinds: tuple[Any
 
 
 @intrinsic
-def give(typingctx: Any, array: Any, place: Any, wide: Any, value: Any) -> Any:
+def put_at(typingctx: Any, array: Any, place: Any, wide: Any, value: Any) -> Any:
     """Store numbers from a place on, or the one number there."""
     kind = kind_at(wide)
 

@@ -48,7 +48,7 @@ class _Recorder:
         self._schedule = walk.Schedule(float(looks), np.zeros((wide, 2)), float(per_period))
         impacts, rests = np.zeros((wide, _ROOM, 10)), np.zeros((wide, _ROOM, 5))
         filled = np.zeros((wide, 3), np.int64)
-        self._seen = walk.Seen(impacts, np.zeros((wide, looks, 2 * k.modes)), rests, filled)
+        self._record = walk.Record(impacts, np.zeros((wide, looks, 2 * k.modes)), rests, filled)
         owner, ends = np.full(LANES, -1), np.full(LANES, walk.GOES_ON)
         before = np.zeros(k.rows * LANES if looks else 0)
         notes, (rows, spare) = np.zeros((wide, noted(k))), np.zeros((2, k.rows))
@@ -61,21 +61,21 @@ class _Recorder:
         k, owner, ends = self._layout, self._busy.owner, self._busy.ends
         waiting = iter(range(len(self._cells)))
         busy, layout, schedule = InMemory(self._busy), InMemory(k), InMemory(self._schedule)
-        room, alone, seen = InMemory(room_for(k)), InMemory(alone_for(k)), InMemory(self._seen)
+        room, alone, record = InMemory(room_for(k)), InMemory(alone_for(k)), InMemory(self._record)
 
         def seat(lane: int) -> None:
             owner[lane] = cell = next(waiting, -1)
             if cell >= 0:
                 self._prepare(lane, cell)
-                walk.seat(busy, lane, layout, self._table[cell], room, seen)
+                walk.seat(busy, lane, layout, self._table[cell], room, record)
 
         for lane in range(len(self._times)):
             seat(lane)
         while (owner >= 0).any():
-            walk.follow(busy, layout, room, seen, self._total, schedule, _STEPS, alone)
+            walk.follow(busy, layout, room, record, self._total, schedule, _STEPS, alone)
             for lane in np.flatnonzero((owner >= 0) & (ends != walk.GOES_ON)).tolist():
                 if self._take(lane):
-                    seen = InMemory(self._seen)
+                    record = InMemory(self._record)
                 if ends[lane] != RUNNING:
                     yield int(owner[lane]), self._labelled(lane)
                     seat(lane)
@@ -88,14 +88,14 @@ class _Recorder:
             self._times[lane] = self._window.schedule(*begins)
             self._schedule.first[lane] = self._times[lane, :, 0]
         self._busy.notes[lane] = 0.0
-        self._busy.notes[lane, : march.MADE] = self._budgets[cell]
-        self._seen.filled[lane] = 0
+        self._busy.notes[lane, : march.STEPS] = self._budgets[cell]
+        self._record.filled[lane] = 0
         self._taken[lane] = [], []
 
     def _take(self, lane: int) -> bool:
         """Empty a lane's buffers, but for contacts that may still go on; return whether one had to grow."""
         k, (hits, rested) = self._layout, self._taken[lane]
-        impacts, _, rests, filled = (rows[lane] for rows in self._seen)
+        impacts, _, rests, filled = (rows[lane] for rows in self._record)
         entries, ended = self._rows[k.entry : k.entry + k.stops, lane], self._busy.ends[lane] != RUNNING
         number = int(filled[0])
         gone = number if ended else int(entries[entries > 0.0].min(initial=number + 1.0)) - 1
@@ -103,14 +103,14 @@ class _Recorder:
         impacts[: number - gone] = impacts[gone:number].copy()
         filled[0] -= gone
         entries[:] = np.maximum(entries - gone, 0.0)
-        seen = rests[: filled[2]]
-        over = np.isfinite(seen[:, 3]) | ended
-        rested.append(seen[over])
-        rests[: (~over).sum()] = seen[~over]
+        rows = rests[: filled[2]]
+        over = np.isfinite(rows[:, 3]) | ended
+        rested.append(rows[over])
+        rests[: (~over).sum()] = rows[~over]
         filled[2] = (~over).sum()
         if 2 * filled[0] < len(impacts):
             return False
-        self._seen = self._seen._replace(impacts=np.concatenate([self._seen.impacts] * 2, axis=1))
+        self._record = self._record._replace(impacts=np.concatenate([self._record.impacts] * 2, axis=1))
         return True
 
     def _labelled(self, lane: int) -> SystemSamples:
@@ -120,7 +120,7 @@ class _Recorder:
         cell = self._cells[at : at + 1]
         n, h, shapes = k.modes, float(steps_of(cell)[0]), cell.shapes[0]
         impacts, rests = map(np.concatenate, self._taken[lane])
-        looks = self._seen.looks[lane, : self._seen.filled[lane, 1]].copy()
+        looks = self._record.looks[lane, : self._record.filled[lane, 1]].copy()
         ended = ended_as(int(self._busy.ends[lane]), bool(note[march.HITS]))
         if isinstance(self._window, ImpactWindow):
             rests, status = _within_impacts(impacts, rests, self._window, ended)
@@ -147,7 +147,7 @@ class _Recorder:
             rest_begin=rests[:, 1:3],
             rest_end=rests[:, 3:5],
             status=int(status),
-            steps=int(note[march.MADE]),
+            steps=int(note[march.STEPS]),
             last_displacement=shapes @ rows[k.eta : k.eta + n],
             last_velocity=shapes @ rows[k.rate : k.rate + n] / h,
             last_phase=march.moment(*rows[k.turn : k.turn + 3])[1],

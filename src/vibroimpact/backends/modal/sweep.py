@@ -48,7 +48,7 @@ def noted(layout: Layout) -> int:
 
 def _turns(sine: Floats, cosine: Floats, periods: Floats) -> Floats:
     """Return times in periods."""
-    return periods + np.arctan2(sine, cosine) / march.TURN % 1.0
+    return periods + np.arctan2(sine, cosine) / (2.0 * math.pi) % 1.0
 
 
 def room_for(layout: Layout) -> Room:
@@ -130,7 +130,7 @@ class SystemSweep:
                 stable = ~(per_impact * self.window.keep > math.log(self.window.keep))
                 found["n_periods"] = np.where(stable, notes[march.PERIODS], 0.0)
                 found["n_impacts"] = np.where(stable, notes[march.IMPACTS], 0.0)
-                unresolved = np.isneginf(notes[march.GREW]) & (notes[march.UNSURE] > notes[march.FROM])
+                unresolved = np.isneginf(notes[march.GREW]) & (notes[march.UNSURE] > notes[march.REFERENCE])
                 found["n_periods"] = np.where(unresolved, 0.0, found["n_periods"])
                 found["n_impacts"] = np.where(unresolved, -1.0, found["n_impacts"])
                 turned = own[march.TURNED]
@@ -139,7 +139,7 @@ class SystemSweep:
                 found["impacts_per_period"] = np.where(repeats, rate, found["impacts_per_period"])
                 misses = own[march.MISS]
                 found["grazing_margin"] = misses if self.by_stop else misses.min(axis=0, initial=math.inf)
-                since = ended - _turns(*notes[march.SINCE : march.SINCE + 3])
+                since = ended - _turns(*notes[march.REFERENCE_TIME : march.REFERENCE_TIME + 3])
                 cycle, rests = notes[march.PERIODS], own if self.by_stop else sums[:, -1]
                 rested = np.where(cycle > 0.0, rests[march.RESTING], rests[march.LATEST] - rests[march.BEFORE])
                 found["stick_fraction"] = rested / np.where(cycle > 0.0, cycle, since)
@@ -147,23 +147,23 @@ class SystemSweep:
             name: np.where(full, values, EVERY[name].fill).T.astype(EVERY[name].dtype) for name, values in found.items()
         }
         counted = {
-            "counted": notes[march.HITS] - notes[march.KNOWN],
+            "counted": notes[march.HITS] - notes[march.ADDED],
             "sticks": notes[march.STICKS],
             "span": span,
-            "known": notes[march.KNOWN],
+            "added": notes[march.ADDED],
         }
         if self.layout.thorough and self.layout.stops:
-            # The impact that is known is the first one kept where 2^k - 1 are left out.
-            known = full & (notes[march.FROM] == self.window.transient + 1.0)
+            # The reference impact is the first one kept where 2^k - 1 are left out.
+            first_kept = full & (notes[march.REFERENCE] == self.window.transient + 1.0)
             stop = notes[march.STOP].astype(np.int64)
-            columns["first_stop"] = np.where(known, stop, -1)
+            columns["first_stop"] = np.where(first_kept, stop, -1)
             columns["first_phase"] = began % 1.0
             columns["first_velocity"] = own[march.FIRST, stop, np.arange(len(ends))] / h
             columns["struck"] = (own[march.COUNT] > 0.0).T @ (1 << np.arange(self.layout.stops))  # a bit for each stop
         return columns | {
             "status": statuses(counted, ends, self.window),
             "impacts": counted["counted"].astype(np.int64),
-            "steps": (notes[march.MADE] + notes[march.BESIDE]).astype(np.int64),
+            "steps": (notes[march.STEPS] + notes[march.BESIDE]).astype(np.int64),
         }
 
 
@@ -173,7 +173,8 @@ def _growth(notes: Floats, began: Floats, ended: Floats, window: ImpactWindow) -
     It is that of the window, of a cycle from the impact on that came back, and of one that is certain its own.
     """
     first, repeats = window.transient + 1.0, notes[march.PERIODS] > 0.0
-    since, number = _turns(*notes[march.SINCE : march.SINCE + 3]), np.maximum(notes[march.FROM], first)
+    since = _turns(*notes[march.REFERENCE_TIME : march.REFERENCE_TIME + 3])
+    number = np.maximum(notes[march.REFERENCE], first)
     later, grown = repeats & (number > first), notes[march.GREW] - notes[march.GROWN]
     grown = np.where(later & ~np.isneginf(notes[march.GREW]), grown, notes[march.GREW])
     periods = ended - np.where(later, since, began)

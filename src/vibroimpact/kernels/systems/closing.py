@@ -22,22 +22,22 @@ from vibroimpact.kernels.machine import copy, rare
 from vibroimpact.kernels.systems.event import go_on, lift, lower, lower_alike, occur, walk_on
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.march import (
+    ADDED,
     BEFORE,
     BESIDE,
     DECAY,
     DRAINED,
     EACH,
     FIRST,
-    FROM,
     HITS,
     IMPACTS,
-    KNOWN,
     LARGEST,
     LATEST,
     MISS,
     PEAK,
     PERIODS,
     RATE,
+    REFERENCE,
     RESTING,
     RETURNED,
     STICKS,
@@ -76,7 +76,7 @@ class Alone(NamedTuple):
 
 
 @rare
-def _make(rows, k, room, note, window, alone, impacts):
+def _advance(rows, k, room, note, window, alone, impacts):
     """Take the cell on by so many recorded impacts; return whether it came exactly so far."""
     lanes, notes, until = alone.lanes, alone.notes, note[HITS] + impacts
     lower_alike(lanes, rows, k.constants)
@@ -98,8 +98,8 @@ def _make(rows, k, room, note, window, alone, impacts):
 
 @rare
 def _cross(rows, k, room):
-    """Make what ended a step, and carry the deviation over it; return the set of stops struck hard enough, and how hard
-    the weakest, and the size of the deviation.
+    """Make what ended a step, and carry the deviation over it; return how many stops were struck hard enough, at which
+    speed the weakest, and the size of the deviation.
     """
     struck, hard, weakest, size = happen_beside(rows, k, room), int(0.0), math.inf, 0.0
     leave_centre(rows, k, None)
@@ -131,17 +131,17 @@ def _walk(room, alone, impacts, first):
     Return whether it came exactly so far, its weakest impact, the largest deviation on the way, and whether all that
     moved has come to rest: then the cycle begins anew.
     """
-    k, lanes, rows, weakest, largest, found = alone.layout, alone.lanes, alone.end, math.inf, 1.0, 0
+    k, lanes, rows, weakest, largest, number = alone.layout, alone.lanes, alone.end, math.inf, 1.0, 0
     lost, later = False, 1.0
     copy(alone.start, rows)
     part_lanes(lanes, rows, k, first, True)
     for _ in range(WALK):
         walk_on(lanes, k)
-        more = 0
+        hard = 0
         for lane in range(min(LANES, 2 * k.modes - first) if lanes[k.hit * LANES] != NOTHING else 0):
             lift(lanes, lane, rows)
-            more, hard, size = _cross(rows, k, room)
-            weakest = min(weakest, hard)
+            hard, speed, size = _cross(rows, k, room)
+            weakest = min(weakest, speed)
             lost |= all_held(rows, k)
             if lost and size == 0.0:  # begun anew, to see how far neighbours part up to the next rest
                 deviate(rows, k)
@@ -151,15 +151,15 @@ def _walk(room, alone, impacts, first):
             else:
                 largest = max(largest, size)
             lower(lanes, lane, rows, k.constants)
-        found += more
-        if found >= impacts or lanes[k.lawless * LANES] > 0.0:
+        number += hard
+        if number >= impacts or lanes[k.lawless * LANES] > 0.0:
             break
     for lane in range(min(LANES, 2 * k.modes - first)):
         lift(lanes, lane, rows)
         leave_centre(rows, k, None)
         for j in range(2 * k.modes):
             alone.jacobian[j, first + lane] = 0.0 if lost else rows[k.deta + j]
-    return found == impacts and rows[k.lawless] == 0.0, weakest, largest * later, lost
+    return number == impacts and rows[k.lawless] == 0.0, weakest, largest * later, lost
 
 
 @rare
@@ -273,7 +273,7 @@ def _certain(rows, k, room, note, window, alone, impacts):
     least, spread, lost = math.inf, 1.0, False
     for first in range(0, 2 * k.modes, LANES):
         whole, weakest, largest, lost = _walk(room, alone, impacts, first)
-        note[BESIDE] += alone.end[k.made] - rows[k.made]
+        note[BESIDE] += alone.end[k.steps] - rows[k.steps]
         if not whole:
             return 0.0
         least, spread = min(least, weakest), max(spread, largest)
@@ -296,9 +296,9 @@ def _skip(rows, k, note, alone, times, periods):
             note[at] += times * (note[at] - alone.note[at])
     for at in (DRAINED, STICKS):
         note[at] += times * (note[at] - alone.note[at])
-    known = times * (note[HITS] - alone.note[HITS])
-    note[HITS] += known
-    note[KNOWN] += known
+    added = times * (note[HITS] - alone.note[HITS])
+    note[HITS] += added
+    note[ADDED] += added
     rows[k.turn + 2] += times * periods
 
 
@@ -331,7 +331,7 @@ def _ready(note, impacts, place, unnamed, first):
     """Return up to which impact a cell goes on: to the Jacobian's place in the cycle, in its window, and named."""
     to = max(note[HITS], first)
     if unnamed:
-        to = max(to, (note[FROM] if note[FROM] > 0.0 else note[HITS] + 1.0) + impacts)
+        to = max(to, (note[REFERENCE] if note[REFERENCE] > 0.0 else note[HITS] + 1.0) + impacts)
     return place + math.ceil((to - place) / impacts) * impacts
 
 
@@ -343,9 +343,9 @@ def close(rows, k, room, note, window, alone):
     """
     impacts, transient, total = note[RETURNED], window.transient, window.total
     note[RETURNED], note[WATCHED] = 0.0, -math.inf
-    if note[KNOWN] > 0.0 or (2.0 * k.modes + 6.0) * impacts + 3.0 > total - note[HITS]:
+    if note[ADDED] > 0.0 or (2.0 * k.modes + 6.0) * impacts + 3.0 > total - note[HITS]:
         return  # too little would be gained
-    if not _make(rows, k, room, note, window, alone, 1.0):
+    if not _advance(rows, k, room, note, window, alone, 1.0):
         return
     periods, place = _certain(rows, k, room, note, window, alone, impacts), note[HITS]
     if periods > 0.0 and k.thorough:
@@ -353,22 +353,23 @@ def close(rows, k, room, note, window, alone):
     for bound in (transient, total):
         if periods == 0.0:
             return
-        known, to = note[FROM], note[HITS]
+        reference, to = note[REFERENCE], note[HITS]
         for _ in range(RETURNS):
             unnamed = k.thorough and note[IMPACTS] == 0.0
-            if unnamed and note[HITS] - note[FROM] > impacts and note[HITS] + 4.0 * impacts <= bound:
-                note[FROM] = 0.0  # that one does not come back: the next impact is the one whose return names the cycle
-                known = known if bound == transient else 0.0
+            if unnamed and note[HITS] - note[REFERENCE] > impacts and note[HITS] + 4.0 * impacts <= bound:
+                # That one does not come back: the next impact is the one whose return names the cycle.
+                note[REFERENCE] = 0.0
+                reference = reference if bound == transient else 0.0
             to = _ready(note, impacts, place, unnamed, transient + 1.0 if bound == total else 0.0)
             if to == note[HITS] or to + 2.0 * impacts > bound:
                 break
-            if not _make(rows, k, room, note, window, alone, to - note[HITS]):
+            if not _advance(rows, k, room, note, window, alone, to - note[HITS]):
                 return
         if to > note[HITS] or to + 2.0 * impacts > bound or (k.thorough and note[IMPACTS] == 0.0):
             continue
-        note[FROM] = total  # the known impact stays: what has come back keeps its name
+        note[REFERENCE] = total  # the reference stays: what has come back keeps its name
         copy(note, alone.note)
-        if not _make(rows, k, room, note, window, alone, impacts):
+        if not _advance(rows, k, room, note, window, alone, impacts):
             return
         times = int((bound - note[HITS] - (bound == total)) / impacts)
         if k.thorough and bound == total:
@@ -376,7 +377,7 @@ def close(rows, k, room, note, window, alone):
                 note[at + RESTING] = (note[at + LATEST] - alone.note[at + LATEST]) * note[PERIODS] / periods
         _skip(rows, k, note, alone, times, periods)
         if bound == total and place <= transient and 2.0 * (transient + 1.0) > total:
-            known = transient + 1.0  # of the cycle, as all later ones
-        note[FROM] = known if bound == transient or 2.0 * known > total else total
-        while bound == transient and 0.0 < 2.0 * note[FROM] <= note[HITS]:
-            note[FROM] *= 2.0
+            reference = transient + 1.0  # of the cycle, as all later ones
+        note[REFERENCE] = reference if bound == transient or 2.0 * reference > total else total
+        while bound == transient and 0.0 < 2.0 * note[REFERENCE] <= note[HITS]:
+            note[REFERENCE] *= 2.0

@@ -23,7 +23,7 @@ class Room(NamedTuple):
     gram: Any
     equations: Any
     free: Any
-    found: Any
+    solution: Any
     rate: Any
     speed: Any
     impulse: Any
@@ -40,7 +40,7 @@ def solve(room, members, size):
     """Solve gram x = -free over a set of stops, x = 0 elsewhere; return whether it is regular."""
     a, order = room.equations, 0
     for y in range(size):
-        room.found[y] = 0.0
+        room.solution[y] = 0.0
         if members >> y & 1:
             for x in range(size):
                 a[y, x] = room.gram[y, x]
@@ -57,7 +57,7 @@ def solve(room, members, size):
                         a[x, column] -= part * a[y, column]
     for y in range(size):
         if members >> y & 1:
-            room.found[y] = a[y, size] / a[y, y]
+            room.solution[y] = a[y, size] / a[y, y]
     return True
 
 
@@ -78,12 +78,12 @@ def complementary(room, members, size):
         worst = 0.0
         for y in range(size):
             if chosen >> y & 1:
-                worst = max(worst, -room.found[y] * room.gram[y, y])
+                worst = max(worst, -room.solution[y] * room.gram[y, y])
             elif members >> y & 1:
-                left = room.free[y]
+                slack = room.free[y]
                 for x in range(size):
-                    left += room.gram[y, x] * room.found[x]
-                worst = max(worst, -left)
+                    slack += room.gram[y, x] * room.solution[x]
+                worst = max(worst, -slack)
         if worst < least:
             best, least = chosen, worst
         if worst <= ROUNDING * scale:

@@ -28,7 +28,7 @@ from vibroimpact.kernels.systems.march import (
 )
 from vibroimpact.kernels.systems.push import meet
 from vibroimpact.kernels.systems.step import step
-from vibroimpact.kernels.systems.tangent import before, cross_one, lost, measure_growth, pass_over, recur
+from vibroimpact.kernels.systems.tangent import before, cross_one, has_lost_all, measure_growth, pass_over, recur
 from vibroimpact.kernels.vectors import LANES, anywhere, get, put, select
 
 ALIKE = 2e-12  # of V: how near the speed of an impact must come back to be looked at
@@ -56,27 +56,6 @@ def lower_alike(lanes, cell, number):
         put(lanes, row, 0, cell[row])
 
 
-@inner(forceinline=True)
-def proceed(rows, k, wide):
-    """Make leaps as far as they are certified, half a one before and after whole ones, and a step."""
-    willing = leapt = may_leap(rows, k, wide)
-    if anywhere(willing):
-        look(rows, k, wide)
-    number = 0
-    while number < LEAPS + 2 and anywhere(willing):
-        willing = leap(rows, k, wide, 0 < number <= LEAPS, willing)
-        if number == 0:
-            leapt = willing
-            if k.far:
-                leap_far(rows, k, wide, willing)
-        number += 1
-        if number > LEAPS or not anywhere(willing):
-            number, willing = max(number, LEAPS + 1), leapt
-    if k.compliant and k.modes == 1:
-        leap_within(rows, k, wide)
-    step(rows, k, wide)
-
-
 @deferred("impacts beside the usual", 3, by_kind=True)
 def _occur(rows, k, room, note, window):
     """Make what ended the step of one cell, and sum it up."""
@@ -87,7 +66,7 @@ def _occur(rows, k, room, note, window):
     z = int(rows[k.which])
     if k.thorough:
         pass_over(rows, k, room, struck, closing)
-        if struck or lost(rows, k):  # growth counts from the first impact of the window on
+        if struck or has_lost_all(rows, k):  # growth counts from the first impact of the window on
             measure_growth(rows, note, k, None, note[HITS] < window.total, note[HITS] > window.transient)
     recorded = add_all(rows, k, room, note, struck, window)
     if window.closes and recorded:
@@ -108,39 +87,9 @@ def _occur(rows, k, room, note, window):
     note[STICKS] += rows[k.closed] > 0.0 and window.transient < note[HITS] < window.total
 
 
-@inner(forceinline=True)
-def usual(rows, notes, k, wide, window):
-    """Make the usual impacts and contacts that ended steps; they are then no hits any more."""
-    made, v, impulse, r = bounce(rows, k, wide)
-    if anywhere(made):
-        lost = 0.5 * (1.0 - r) * v * impulse
-        if k.thorough:
-            cross_one(rows, k, wide, made, v, impulse)
-            hits = get(notes, HITS, wide)
-            measure_growth(rows, notes, k, wide, made & (hits < window.total), hits > window.transient)
-        _add(notes, rows, k, wide, made, v, lost, impulse, window)
-        if k.thorough:
-            kept = made & (get(notes, HITS, wide) <= window.total)
-            note_open(notes, k, wide, kept)
-            note_misses(rows, notes, k, wide, made, window)
-            recur(rows, notes, k, wide, kept, window.total)
-        put(rows, k.hit, wide, select(made, NOTHING, get(rows, k.hit, wide)))
-    if k.thorough:
-        return  # contacts with compliant stops are made on the cell alone
-    hit, which = get(rows, k.hit, wide), get(rows, k.which, wide)
-    if not (k.compliant and anywhere(hit == CONTACT)):
-        return
-    begins, ends, v = meet(rows, k, wide, hit == CONTACT)
-    for y in range(k.stops if anywhere(ends) else 0):
-        conclude(notes, rows, k, wide, ends & (which == float(y)), y, window)
-    if anywhere(begins):
-        _add(notes, rows, k, wide, begins, v, 0.0 * v, 0.0 * v, window)
-    put(rows, k.hit, wide, select(begins | ends, NOTHING, hit))
-
-
-# What a motion is not asked for is left out of what makes it, and so is what compliant stops need where there are none.
+# The code of what is not observed is not compiled, and neither is that of compliant stops where there are none.
 rigid = without("compliant")
-_unseen = without("wary", "draining")
+_unobserved = without("wary", "draining")
 _plain = without("thorough", "wary", "forceful", "draining")
 
 
@@ -151,28 +100,67 @@ def _is_plain(k):
 
 @deferred("steps of systems", 4, by_kind=True)
 def _walk_on(lanes, k):
-    """Make leaps and a step of all lanes."""
-    proceed(lanes, k, 0)
+    """Make leaps as far as they are certified, half a one before and after whole ones, and a step."""
+    willing = leapt = may_leap(lanes, k, 0)
+    if anywhere(willing):
+        look(lanes, k, 0)
+    number = 0
+    while number < LEAPS + 2 and anywhere(willing):
+        willing = leap(lanes, k, 0, 0 < number <= LEAPS, willing)
+        if number == 0:
+            leapt = willing
+            if k.far:
+                leap_far(lanes, k, 0, willing)
+        number += 1
+        if number > LEAPS or not anywhere(willing):
+            number, willing = max(number, LEAPS + 1), leapt
+    if k.compliant and k.modes == 1:
+        leap_within(lanes, k, 0)
+    step(lanes, k, 0)
 
 
 @inner
 def walk_on(lanes, k):
-    """Do so, whatever is to be seen of them; a deviation is carried along."""
+    """Make leaps and a step of all lanes, by the part that observes what is needed; a deviation is carried along."""
     if k.compliant:
         if k.wary or k.draining:
             _walk_on(lanes, k)
         else:
-            _walk_on(lanes, _unseen(k))
+            _walk_on(lanes, _unobserved(k))
     elif k.wary or k.draining:
         _walk_on(lanes, rigid(k))
     else:
-        _walk_on(lanes, rigid(_unseen(k)))
+        _walk_on(lanes, rigid(_unobserved(k)))
 
 
 @deferred("impacts of systems", 2, by_kind=True)
 def _add_usual(lanes, notes, k, window):
-    """Make the usual impacts of all lanes, and sum them up."""
-    usual(lanes, notes, k, 0, window)
+    """Make the usual impacts and contacts that ended steps; they are then no hits any more."""
+    struck, v, impulse, r = bounce(lanes, k, 0)
+    if anywhere(struck):
+        energy = 0.5 * (1.0 - r) * v * impulse
+        if k.thorough:
+            cross_one(lanes, k, 0, struck, v, impulse)
+            hits = get(notes, HITS, 0)
+            measure_growth(lanes, notes, k, 0, struck & (hits < window.total), hits > window.transient)
+        _add(notes, lanes, k, struck, v, energy, impulse, window)
+        if k.thorough:
+            kept = struck & (get(notes, HITS, 0) <= window.total)
+            note_open(notes, k, 0, kept)
+            note_misses(lanes, notes, k, 0, struck, window)
+            recur(lanes, notes, k, 0, kept, window.total)
+        put(lanes, k.hit, 0, select(struck, NOTHING, get(lanes, k.hit, 0)))
+    if k.thorough:
+        return  # contacts with compliant stops are made on the cell alone
+    hit, which = get(lanes, k.hit, 0), get(lanes, k.which, 0)
+    if not (k.compliant and anywhere(hit == CONTACT)):
+        return
+    begins, ends, v = meet(lanes, k, 0, hit == CONTACT)
+    for y in range(k.stops if anywhere(ends) else 0):
+        conclude(notes, lanes, k, 0, ends & (which == float(y)), y, window)
+    if anywhere(begins):
+        _add(notes, lanes, k, begins, v, 0.0 * v, 0.0 * v, window)
+    put(lanes, k.hit, 0, select(begins | ends, NOTHING, hit))
 
 
 @inner
@@ -202,28 +190,28 @@ def occur(rows, k, room, note, window):
 
 
 @inner(forceinline=True)
-def _add(notes, rows, k, wide, hit, v, lost, impulse, window):
-    """Sum up recorded impacts."""
+def _add(notes, lanes, k, hit, v, energy, impulse, window):
+    """Sum up recorded impacts of all lanes."""
     if k.draining:
-        note_drain(notes, rows, k, wide, hit, get(notes, HITS, wide), window)
-    z = get(rows, k.which, wide)
-    sine, cosine, periods = get(rows, k.turn, wide), get(rows, k.turn + 1, wide), get(rows, k.turn + 2, wide)
-    add(notes, k, wide, hit, z, v, lost, impulse, sine, cosine, periods, window)
+        note_drain(notes, lanes, k, 0, hit, get(notes, HITS, 0), window)
+    z = get(lanes, k.which, 0)
+    sine, cosine, periods = get(lanes, k.turn, 0), get(lanes, k.turn + 1, 0), get(lanes, k.turn + 2, 0)
+    add(notes, k, 0, hit, z, v, energy, impulse, sine, cosine, periods, window)
     if window.closes:
-        _watch(notes, rows, k, wide, hit, z, v)
+        _watch(notes, lanes, k, 0, hit, z, v)
 
 
 @inner(forceinline=True)
 def _watch(notes, rows, k, wide, hit, z, v):
     """Compare an impact with the one that is watched for; it is replaced every 32 impacts, later more rarely."""
     hits, near = get(notes, HITS, wide), ALIKE * get(rows, k.speed, wide)
-    known, number = get(notes, WATCHED, wide), get(notes, NUMBER, wide)
-    back = hit & (abs(v - known) < near) & (get(notes, WHICH, wide) == z)
+    speed, number = get(notes, WATCHED, wide), get(notes, NUMBER, wide)
+    back = hit & (abs(v - speed) < near) & (get(notes, WHICH, wide) == z)
     returned = get(notes, RETURNED, wide)
     put(notes, RETURNED, wide, select(back & (returned == 0.0), hits - number, returned))
     later = get(notes, NEXT, wide)
     moves, stride = hit & (hits >= later), 0.125 * hits
-    put(notes, WATCHED, wide, select(moves, v, known))
+    put(notes, WATCHED, wide, select(moves, v, speed))
     put(notes, WHICH, wide, select(moves, z, get(notes, WHICH, wide)))
     put(notes, NUMBER, wide, select(moves, hits, number))
     put(notes, NEXT, wide, select(moves, hits + select(stride > FIRST_LOOK, stride, FIRST_LOOK), later))

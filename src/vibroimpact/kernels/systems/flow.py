@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vibroimpact.kernels.flight import BARELY
+from vibroimpact.kernels.flight import BARELY, turned
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.layout import CLOSED, OPEN
 from vibroimpact.kernels.systems.series import (
@@ -84,9 +84,9 @@ def _forced(rows, j, pace, k, wide):
 def fly_apart(rows, k, wide):
     """Leave the series of each mode, free of the others."""
     for j in range(k.modes):
-        own = get(rows, k.square + j, wide), get(rows, k.damping + j * (k.modes + 1), wide)
+        square, damping = get(rows, k.square + j, wide), get(rows, k.damping + j * (k.modes + 1), wide)
         b0, b1 = get(rows, k.eta + j, wide), get(rows, k.rate + j, wide)
-        store(rows, k.flight + j * SIZE, wide, oscillation(b0, b1, *own, _forced(rows, j, 1.0, k, wide)))
+        store(rows, k.flight + j * SIZE, wide, oscillation(b0, b1, square, damping, _forced(rows, j, 1.0, k, wide)))
 
 
 @inner
@@ -236,14 +236,6 @@ def stop_moves(rows, z, sine, cosine, k, wide):
             w = w + (m + 1.0) * get(rows, k.theta, wide) * fma(re, b, -im * a)
             a, b = fma(a, cosine, b * sine), fma(b, cosine, -a * sine)
     return u, w
-
-
-@inner(forceinline=True)
-def turned(s, c, sine, cosine):
-    """Turn (sin wt, cos wt) by an angle, and pull it back to unit length: one Newton step of 1/sqrt."""
-    s1, c1 = fma(s, cosine, c * sine), fma(c, cosine, -s * sine)
-    pull = fma(-0.5, fma(s1, s1, c1 * c1), 1.5)
-    return s1 * pull, c1 * pull
 
 
 @inner(forceinline=True)

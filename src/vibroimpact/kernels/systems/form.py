@@ -34,7 +34,7 @@ class Form(NamedTuple):
     steady: Any
     on_place: Any
     on_rate: Any
-    own: Any
+    offset: Any
     q: Any
     r: Any
     beta: Any
@@ -80,9 +80,9 @@ def _matrices(rows, k, f):
             f.drag[i, j] = rows[k.damping + i * k.modes + j] * math.sqrt(rows[k.weight + i] / rows[k.weight + j])
             for z in range(k.stops):
                 if pushes(rows, z, k):
-                    own = _alpha(rows, z, i, k) * _alpha(rows, z, j, k)
-                    f.stiff[i, j] += rows[k.spring + z] * own
-                    f.drag[i, j] += rows[k.dashpot + z] * own
+                    product = _alpha(rows, z, i, k) * _alpha(rows, z, j, k)
+                    f.stiff[i, j] += rows[k.spring + z] * product
+                    f.drag[i, j] += rows[k.dashpot + z] * product
 
 
 @rare
@@ -127,13 +127,13 @@ def _watch(rows, k, f):
             f.on_place[z, j] = rows[k.spring + z] * alpha if pushed else 0.0 if held_closed else -alpha
             f.on_rate[z, j] = rows[k.dashpot + z] * alpha if pushed else 0.0
         for h in range(1 + 2 * k.harmonics):
-            f.own[z, h] = -_sprung(rows, z, h, k) if pushed else 0.0 if held_closed else _moves(rows, z, h, k)
+            f.offset[z, h] = -_sprung(rows, z, h, k) if pushed else 0.0 if held_closed else _moves(rows, z, h, k)
         for y in range(s if held_closed else 0):  # G^-1 (a . acceleration without it - acceleration of the stop)
             held = rows[k.held + z * s + y]
             for h in range(1 + 2 * k.harmonics):
-                f.own[z, h] += held * ((h + 1) // 2 * rows[k.theta]) ** 2 * _moves(rows, y, h, k)
+                f.offset[z, h] += held * ((h + 1) // 2 * rows[k.theta]) ** 2 * _moves(rows, y, h, k)
                 for j in range(n):
-                    f.own[z, h] += held * _alpha(rows, y, j, k) * f.loads[h, j]
+                    f.offset[z, h] += held * _alpha(rows, y, j, k) * f.loads[h, j]
             for i in range(n):
                 for j in range(n):
                     f.on_place[z, j] -= held * _alpha(rows, y, i, k) * f.stiff[i, j]
@@ -232,10 +232,10 @@ def _dampen(k, f):
 @rare
 def coupled(f, i):
     """Return whether damping couples an axis to another."""
-    found = False
+    couples = False
     for j in range(len(f.sort)):
-        found |= j != i and (f.damping[i, j] != 0.0 or f.damping[j, i] != 0.0)
-    return found
+        couples |= j != i and (f.damping[i, j] != 0.0 or f.damping[j, i] != 0.0)
+    return couples
 
 
 @rare
@@ -314,11 +314,11 @@ def _swing(rows, k, f):
                 f.loads[h, j] -= f.stiff[j, i] * re - rate * f.drag[j, i] * im
                 f.loads[h + 1, j] -= f.stiff[j, i] * im + rate * f.drag[j, i] * re
         for i in range(n):
-            re, im, own = along(f, h, i), along(f, h + 1, i), f.square[i] - rate * rate
+            re, im, stiffness = along(f, h, i), along(f, h + 1, i), f.square[i] - rate * rate
             still = f.sort[i] == GONE or (re == 0.0 == im and not coupled(f, i))
             for j in range(n):
                 drag = 0.0 if still else rate * f.damping[i, j]
-                f.equations[i, j] = f.equations[n + i, n + j] = (1.0 if still else own) if i == j else 0.0
+                f.equations[i, j] = f.equations[n + i, n + j] = (1.0 if still else stiffness) if i == j else 0.0
                 f.equations[i, n + j], f.equations[n + i, j] = -drag, drag
             f.equations[i, 2 * n], f.equations[n + i, 2 * n] = 0.0 if still else re, 0.0 if still else im
         if not solve(f.equations, 2 * n):

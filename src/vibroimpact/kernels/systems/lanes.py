@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from vibroimpact.kernels.advance import LOOK
 from vibroimpact.kernels.cell import PINNED, QUIET_FOR, RUNNING
 from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket
@@ -16,22 +17,21 @@ from vibroimpact.kernels.systems.event import FIRST_LOOK, go_on, lift, lower, oc
 from vibroimpact.kernels.systems.law import begin
 from vibroimpact.kernels.systems.layout import NOTHING
 from vibroimpact.kernels.systems.march import (
-    ASK,
+    DUE,
     EACH,
     GRANTED,
     HITS,
-    LOOK,
-    MADE,
     MISS,
     NEXT,
     RETURNED,
+    STEPS,
     SUMS,
     WATCHED,
     ending,
     note_misses,
     note_rests,
 )
-from vibroimpact.kernels.systems.pressed import asks_again, is_pressed
+from vibroimpact.kernels.systems.pressed import is_pressed, repetition_is_due
 from vibroimpact.kernels.systems.tangent import confine, deviate
 from vibroimpact.kernels.vectors import LANES, anywhere, get
 
@@ -50,14 +50,14 @@ def _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room, wind
     rows[k.pace] = 1.0
     closing = begin(rows, k, room)
     if k.thorough:
-        _watch(rows, k, room, note, closing, window)
+        _begin_thoroughly(rows, k, room, note, closing, window)
     lower(lanes, lane, rows, k.rows)
     lower(notes, lane, note, len(note))
     return cell
 
 
 @deferred("neighbours of motions", 0.5)
-def _watch(rows, k, room, note, closing, window):
+def _begin_thoroughly(rows, k, room, note, closing, window):
     """Begin with a deviation, and to look for misses and rests."""
     deviate(rows, k)
     note[SUMS + MISS :: EACH] = math.inf
@@ -90,16 +90,16 @@ def _close(lanes, lane, notes, rows, note, k, room, window, alone):
 @inner(inline="always")
 def _ended(lanes, lane, notes, rows, note, k, room, window, alone):
     """Return why the cell in a lane ends here, or RUNNING; an ended one's note is left."""
-    hits, age, made = notes[HITS * LANES + lane], lanes[k.age * LANES + lane], lanes[k.made * LANES + lane]
+    hits, age, steps = notes[HITS * LANES + lane], lanes[k.age * LANES + lane], lanes[k.steps * LANES + lane]
     lawful = lanes[k.lawless * LANES + lane] == 0.0
-    still = k.compliant and asks_again(notes, LANES, lane, lanes[(k.turn + 2) * LANES + lane])
-    if lawful and hits < window.total and made <= notes[GRANTED * LANES + lane] and age <= QUIET_FOR and not still:
+    still = k.compliant and repetition_is_due(notes, LANES, lane, lanes[(k.turn + 2) * LANES + lane])
+    if lawful and hits < window.total and steps <= notes[GRANTED * LANES + lane] and age <= QUIET_FOR and not still:
         return RUNNING
     lift(lanes, lane, rows)
     lift(notes, lane, note)
-    note[MADE] = made
+    note[STEPS] = steps
     end = ending(rows, k, room, note, window.total)
-    notes[ASK * LANES + lane] = note[ASK]
+    notes[DUE * LANES + lane] = note[DUE]
     if end == RUNNING and still and is_pressed(rows, k) and stays_pressed(rows, k, room, note, window, alone):
         return PINNED
     return end

@@ -69,7 +69,7 @@ def lasting(rows, k, room):
 @rare
 def _idle(rows, k):
     """Return the stops that are touched for ever without any force."""
-    found, pace = int(0.0), rows[k.pace]
+    idle, pace = int(0.0), rows[k.pace]
     derive(rows, k, DEGREE)
     rows[k.pace] = pace
     for z in range(k.stops):
@@ -77,8 +77,8 @@ def _idle(rows, k):
         if pushes(rows, z, k) or holds(rows, z, k) or u > TOUCH * size + NOWHERE * rows[k.speed]:
             continue
         _, value, _ = first(rows, z, k, 1, 1.0, 0.0)
-        found |= int(value == 0.0) << z
-    return found
+        idle |= int(value == 0.0) << z
+    return idle
 
 
 @rare
@@ -109,7 +109,7 @@ def _least(rows, k, f, z):
 @rare
 def _constant(k, f, z):
     """Return the constant part of what is watched of a stop, less what rounding may have made of it."""
-    total, size = f.own[z, 0], abs(f.own[z, 0])
+    total, size = f.offset[z, 0], abs(f.offset[z, 0])
     for j in range(k.modes):
         part = f.on_place[z, j] * f.places[0, j]
         total, size = total + part, size + abs(part)
@@ -130,11 +130,11 @@ def _trough(k, f, z, theta):
     swings, bends, number = 0.0, 0.0, 0
     for h in range(1, 1 + 2 * k.harmonics, 2):
         rate = (h + 1) // 2 * theta
-        re, im = f.own[z, h], f.own[z, h + 1]
+        re, im = f.offset[z, h], f.offset[z, h + 1]
         for j in range(k.modes):
             re += f.on_place[z, j] * f.places[h, j] - rate * f.on_rate[z, j] * f.places[h + 1, j]
             im += f.on_place[z, j] * f.places[h + 1, j] + rate * f.on_rate[z, j] * f.places[h, j]
-        f.own[z, h], f.own[z, h + 1] = re, im
+        f.offset[z, h], f.offset[z, h + 1] = re, im
         size = math.sqrt(re * re + im * im)
         swings, bends, number = swings + size, bends + ((h + 1) // 2) ** 2 * size, number + (size > 0.0)
     if number < 2:
@@ -144,7 +144,7 @@ def _trough(k, f, z, theta):
         angle, total = 2.0 * math.pi * point / points, 0.0
         for h in range(1, 1 + 2 * k.harmonics, 2):
             turn = (h + 1) // 2 * angle
-            total += f.own[z, h] * math.sin(turn) + f.own[z, h + 1] * math.cos(turn)
+            total += f.offset[z, h] * math.sin(turn) + f.offset[z, h + 1] * math.cos(turn)
         least = min(least, total)
     return max(-swings, least - 0.125 * (2.0 * math.pi / points) ** 2 * bends)
 

@@ -76,16 +76,16 @@ def release(rows, k, room):
 @inner(forceinline=True)
 def closed(rows, k):
     """Return the set of rigid stops that are closed."""
-    found = int(0.0)
+    members = int(0.0)
     for z in range(k.stops):
         if rows[k.kind + z] >= CLOSED and rows[k.spring + z] == 0.0:
-            found |= 1 << z
-    return found
+            members |= 1 << z
+    return members
 
 
 @inner
 def stalled(rows, k, room):
-    """Go on from a stop that is touched without approach, held from here on, or left; return those that close."""
+    """Go on from a stop that is touched without approach, held from then on, or left; return those that close."""
     turns(rows, k, None)
     measure(rows, k, room)
     shut = closed(rows, k)
@@ -104,7 +104,7 @@ def bounce(rows, k, wide):
         usual = usual & (get(rows, k.engaged, wide) <= 0.0)
     rate = gram = r = 0.0 * which
     for y in range(k.stops):
-        own, gap = which == float(y), get(rows, k.gap + y, wide)
+        at_y, gap = which == float(y), get(rows, k.gap + y, wide)
         u, w = stop_moves(rows, y, get(rows, k.turn, wide), get(rows, k.turn + 1, wide), k, wide)
         size, inverse = abs(gap), 0.0 * gap
         for j in range(n):
@@ -113,20 +113,20 @@ def bounce(rows, k, wide):
             u, size = u - moved, size + abs(moved)
             w = w - alpha * get(rows, k.rate + j, wide)
             inverse = inverse + alpha * get(rows, k.jump + y * n + j, wide)
-        rate, gram = select(own, w, rate), select(own, inverse, gram)
-        r = select(own & (get(rows, k.law + y, wide) <= 0.0), get(rows, k.restitution + y, wide), r)
+        rate, gram = select(at_y, w, rate), select(at_y, inverse, gram)
+        r = select(at_y & (get(rows, k.law + y, wide) <= 0.0), get(rows, k.restitution + y, wide), r)
         if k.compliant:
-            own = own & (get(rows, k.spring + y, wide) <= 0.0)
-        usual = usual & (own | (u > TOUCH * size + NOWHERE * get(rows, k.speed, wide)))
+            at_y = at_y & (get(rows, k.spring + y, wide) <= 0.0)
+        usual = usual & (at_y | (u > TOUCH * size + NOWHERE * get(rows, k.speed, wide)))
     usual = usual & (r > 0.0) & (-rate >= get(rows, k.cut, wide))
     impulse = select(usual, -(1.0 + r) * rate / gram, 0.0)
     for y in range(k.stops):
-        own, kind = usual & (which == float(y)), get(rows, k.kind + y, wide)
-        push = select(own, impulse, 0.0)
+        at_y, kind = usual & (which == float(y)), get(rows, k.kind + y, wide)
+        push = select(at_y, impulse, 0.0)
         for j in range(n):
             kick = get(rows, k.jump + y * n + j, wide) * push
             put(rows, k.rate + j, wide, get(rows, k.rate + j, wide) - kick)
-        put(rows, k.kind + y, wide, select(own, STRUCK, kind))
+        put(rows, k.kind + y, wide, select(at_y, STRUCK, kind))
     put(rows, k.age, wide, select(usual, 0.0, get(rows, k.age, wide)))
     return usual, -rate, impulse, r
 
@@ -180,9 +180,9 @@ def _collide(rows, k, room, struck, beside, weak):
     fastest, rest = 0.0, int(0.0)
     for y in range(s):
         fastest = max(fastest, room.speed[y])
-        room.impulse[y] = room.found[y]
+        room.impulse[y] = room.solution[y]
         for j in range(n):
-            rows[k.rate + j] -= rows[k.jump + y * n + j] * room.found[y]
+            rows[k.rate + j] -= rows[k.jump + y * n + j] * room.solution[y]
     for y in range(s):
         if involved >> y & 1:
             rate = -room.speed[y]

@@ -19,9 +19,9 @@ def _sizes(n: int, s: int, m: int, flow: int, thorough: bool, compliant: bool, f
     """Return how many rows each number of a cell takes, in their order, with `flow` numbers of a mode's flow.
 
     `eta`, `rate` (eta' in steps), `turn` (sin wt, cos wt, whole periods) are the state; `kind` says how each stop is
-    left or held; `age` and `made` count the steps flown since an event and made in all; `held` is the inverse of alpha
-    M^-1 alpha^T over the closed stops, and `closed` how many there are; `deta` and `drate` are a deviation, `known` is
-    the state (eta, rate, sin wt, cos wt) at an impact to which the motion may return, and `missed` what the closest
+    left or held; `age` and `steps` count the steps flown since an event and in all; `held` is the inverse of alpha
+    M^-1 alpha^T over the closed stops, and `closed` how many there are; `deta` and `drate` are a deviation, `reference`
+    is the state (eta, rate, sin wt, cos wt) at an impact to which the motion may return, and `missed` what the closest
     near-miss of each stop since the last impact left; `lawless` says that a law of restitution failed. Of compliant
     stops `leaving` says which one has let go and is still pushed in, `engaged` counts those and the ones that push,
     `pace` is the length of a step while they do, as a part of it, and `thrust`, `work`, `pushed`, `peak` and `depth`
@@ -35,8 +35,8 @@ def _sizes(n: int, s: int, m: int, flow: int, thorough: bool, compliant: bool, f
     """
     leap = n * flow + 2 + s * (1 + 2 * n)
     return {
-        "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "made": 1, "closed": 1, "held": s * s, "lawless": 1,
-        "deta": n, "drate": n, "known": (2 * n + 2) * thorough, "missed": s * thorough,
+        "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "steps": 1, "closed": 1, "held": s * s, "lawless": 1,
+        "deta": n, "drate": n, "reference": (2 * n + 2) * thorough, "missed": s * thorough,
         "leaving": s, "engaged": 1, "pace": 1, "thrust": s, "work": s, "pushed": s, "peak": s, "depth": s, "entry": s,
         "drained": 1,
         "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
@@ -79,7 +79,7 @@ def layout_of(
     `coupled`: damping is not proportional in some of them; `moving`: so is a stop; `thorough`: a neighbour of each
     motion is carried along; `wary`: near-misses are looked for, too; `compliant`, `rigid`: some stops are
     so; `far`: modes of some are so slow that far leaps are worth a trial; `free`: some have a free centre; `forceful`:
-    impulses, largest forces or what compliant stops take are asked for; `draining`: so is what the dampers take.
+    impulses, largest forces or what compliant stops take are wanted; `draining`: so is what the dampers take.
     """
     flow = 2 + 4 * (modes if coupled else 1) + 4 * harmonics
     like = modes, stops, harmonics, coupled, moving, thorough, wary, compliant, rigid, forceful, draining, far, free

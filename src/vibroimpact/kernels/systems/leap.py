@@ -42,9 +42,9 @@ from __future__ import annotations
 import math
 
 from vibroimpact.kernels.deferred import deferred
-from vibroimpact.kernels.flight import BARELY
+from vibroimpact.kernels.flight import BARELY, turned
 from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.systems.flow import move, stop_moves, turned, turns
+from vibroimpact.kernels.systems.flow import move, stop_moves, turns
 from vibroimpact.kernels.systems.layout import CLOSED, OPEN, STRUCK
 from vibroimpact.kernels.systems.push import account, drain, stands
 from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH
@@ -79,10 +79,10 @@ def _flown(rows, first, j, k, wide):
     y1, p1 = get(rows, at, wide), get(rows, at + 1, wide)
     y1, p1 = _carried(rows, first, j, k.eta, k.rate, y1, p1, k, wide)
     for m in range(k.harmonics):
-        own, wave = at + k.flow - 4 * (k.harmonics - m), k.pairs + 2 * m
+        row, wave = at + k.flow - 4 * (k.harmonics - m), k.pairs + 2 * m
         sine, cosine = get(rows, wave, wide), get(rows, wave + 1, wide)
-        y1 = fma(get(rows, own, wide), sine, fma(get(rows, own + 1, wide), cosine, y1))
-        p1 = fma(get(rows, own + 2, wide), sine, fma(get(rows, own + 3, wide), cosine, p1))
+        y1 = fma(get(rows, row, wide), sine, fma(get(rows, row + 1, wide), cosine, y1))
+        p1 = fma(get(rows, row + 2, wide), sine, fma(get(rows, row + 3, wide), cosine, p1))
     return y1, p1
 
 
@@ -93,8 +93,8 @@ def _lift(rows, at, amplitude, sine, cosine, k, wide):
     for j in range(k.modes):
         w = fma(get(rows, at + j, wide), get(rows, amplitude + j, wide), w)
     for m in range(k.harmonics):
-        own = at + k.modes + 1 + 2 * m
-        w = fma(get(rows, own, wide), a, fma(get(rows, own + 1, wide), b, w))
+        row = at + k.modes + 1 + 2 * m
+        w = fma(get(rows, row, wide), a, fma(get(rows, row + 1, wide), b, w))
         a, b = fma(a, cosine, b * sine), fma(b, cosine, -a * sine)
     return w
 
@@ -256,43 +256,43 @@ def leap_within(rows, k, wide):
     begun = (get(rows, k.age, wide) <= 0.0) & (get(rows, k.engaged, wide) == 1.0) & (get(rows, k.closed, wide) <= 0.0)
     if not anywhere(begun):
         return
-    for own in range(2 * k.stops):
-        z, length, first = own // 2, WITHIN[own % 2], k.within + own * (k.flow + 3)
+    for number in range(2 * k.stops):
+        z, length, first = number // 2, WITHIN[number % 2], k.within + number * (k.flow + 3)
         s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
         last, least = first + k.flow, get(rows, first + k.flow + 2, wide)
         kind, (u, w, size) = get(rows, k.kind + z, wide), stands(rows, z, s, c, k, wide)
-        here = begun & (kind >= CLOSED) & (-w > least) & (-w >= get(rows, k.cut, wide))
-        here = here & (abs(u) <= TOUCH * size + NOWHERE * get(rows, k.speed, wide))
-        if not anywhere(here):
+        certain = begun & (kind >= CLOSED) & (-w > least) & (-w >= get(rows, k.cut, wide))
+        certain = certain & (abs(u) <= TOUCH * size + NOWHERE * get(rows, k.speed, wide))
+        if not anywhere(certain):
             continue
         if k.forceful or k.draining or k.wary:
-            _see(rows, select(here, 0.5 * length, 0.0 * w), k, wide)
+            _account_within(rows, select(certain, 0.5 * length, 0.0 * w), k, wide)
         turns(rows, k, wide)
         y1, p1 = _flown(rows, first, 0, k, wide)
         put(rows, k.leapt, wide, y1)
         put(rows, k.leapt + 1, wide, p1)
         s1, c1 = turned(s, c, get(rows, last, wide), get(rows, last + 1, wide))
-        _take(rows, here, s, s1, c1, first, length * get(rows, k.pace, wide), k, wide)
-        put(rows, k.kind + z, wide, select(here, CLOSED, get(rows, k.kind + z, wide)))
+        _take(rows, certain, s, s1, c1, first, length * get(rows, k.pace, wide), k, wide)
+        put(rows, k.kind + z, wide, select(certain, CLOSED, get(rows, k.kind + z, wide)))
         begun = begun & (get(rows, k.age, wide) <= 0.0)
 
 
 @deferred("forces of leaps within contacts", 2)
-def _see(rows, end, k, wide):
+def _account_within(rows, end, k, wide):
     """Count what a leap within a contact does on its way, by two steps that are taken back."""
     y, p = get(rows, k.eta, wide), get(rows, k.rate, wide)
     s, c, periods = get(rows, k.turn, wide), get(rows, k.turn + 1, wide), get(rows, k.turn + 2, wide)
-    here = end > 0.0
+    leaping = end > 0.0
     for _ in range(2):
         turns(rows, k, wide)
         fly(rows, True, k, wide)
         if k.wary:
             for z in range(k.stops):
-                miss(rows, z, end, here, True, k, wide)
+                miss(rows, z, end, leaping, True, k, wide)
         account(rows, end, k, wide)
         if k.draining:
             drain(rows, end, k, wide)
-        move(rows, end, here, k, wide)
+        move(rows, end, leaping, k, wide)
     put(rows, k.eta, wide, y)
     put(rows, k.rate, wide, p)
     put(rows, k.turn, wide, s)

@@ -9,6 +9,7 @@ from numba import types
 
 from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, QUIET, QUIET_FOR, RUNNING, SPENT
 from vibroimpact.kernels.deferred import deferred
+from vibroimpact.kernels.leaps import TURN
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.lasting import lasting
 from vibroimpact.kernels.systems.law import release, stalled, strike
@@ -17,30 +18,28 @@ from vibroimpact.kernels.systems.push import attend
 from vibroimpact.kernels.systems.rest import all_held, measure
 from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
-LOOK = 32  # steps between two looks at whether a cell has ended
-TURN = 2.0 * math.pi
-
 # Numbers of a cell's note: the length of its step, what it is granted, and what it has come to; sin wt, cos wt,
 # whole periods of the first and of the last impact of the window, and the stop of the first.
-H, FLIGHT, GRANTED, MADE, HITS, STICKS, GREW = range(7)
+H, FLIGHT, GRANTED, STEPS, HITS, STICKS, GREW = range(7)
 BEGAN, ENDED, STOP = 7, 10, 13
-# of a cycle: number, time and stop of the impact that is known, how near it came back at best, and impacts and periods
+# of a cycle: number, time and stop of the reference impact, how near it came back at best, and impacts and periods
 # until it returned
-FROM, SINCE, AT, CHATTERED, NEAREST, IMPACTS, PERIODS = 14, 15, 18, 19, 20, 21, 22
+REFERENCE, REFERENCE_TIME, REFERENCE_STOP, CHATTERED, NEAREST, IMPACTS, PERIODS = 14, 15, 18, 19, 20, 21, 22
 # of an impact that is watched for: speed, stop and number, when the next one takes its place, and after how many it
-# came back; impacts that are known without having been made, and steps made beside to know them; ln of the growth up to
-# the impact that is known; of a cycle that is certain, ln of the spectral radius and impacts, per period; ln of the
-# growth since a rest took all of the deviation, and the number of the last impact with a rest that rounding decided
-WATCHED, WHICH, NUMBER, NEXT, RETURNED, KNOWN, BESIDE, GROWN, DECAY, RATE, PARTED, UNSURE = range(23, 35)
-# The energy that dampers took within the window, and the age at which it is asked again whether a phase lasts; the
-# period in which it is asked again whether a pressed motion repeats, in how many, and after which impact. Then of its
+# came back; impacts that were added without having been made, and steps made beside to be sure of them; ln of the
+# growth up to the reference impact; of a cycle that is certain, ln of the spectral radius and impacts, per period; ln
+# of the growth since a rest took all of the deviation, and the number of the last impact with a rest that rounding
+# decided
+WATCHED, WHICH, NUMBER, NEXT, RETURNED, ADDED, BESIDE, GROWN, DECAY, RATE, PARTED, UNSURE = range(23, 35)
+# The energy that dampers took within the window, and the age at which it is checked again whether a phase lasts; the
+# period in which it is checked again whether a pressed motion repeats, in how many, and after which impact. Then of its
 # impacts on each stop: how many, the first speed, sums of what the others differ by and of squares of that, the
 # largest speed, sums of cos wt and sin wt, and the energy lost after the window's first impact, the impulse and the
 # largest force.
 # Of its rests, in periods (and of those at any stop, in a block of their own): how long up to now, less the time now
-# while it is closed; up to the last impact, and up to the known one; in a cycle. Its closest miss, and how many
-# impacts it had since the known one until that returned.
-DRAINED, ASK, AGAIN, WAITS, STILL, SUMS, EACH = 35, 36, 37, 38, 39, 40, 16
+# while it is closed; up to the last impact, and up to the reference; in a cycle. Its closest miss, and how many
+# impacts it had since the reference until that returned.
+DRAINED, DUE, AGAIN, WAITS, STILL, SUMS, EACH = 35, 36, 37, 38, 39, 40, 16
 COUNT, FIRST, SUM, SQUARES, LARGEST, COSINE, SINE, ENERGY, THRUST, PEAK = range(10)
 RESTED, LATEST, BEFORE, RESTING, MISS, TURNED = range(10, EACH)
 
@@ -126,22 +125,22 @@ def ending(rows, k, room, note, total):
         return PINNED  # nothing is free to move, and the force has gone through a whole period
     if closed == 0.0 and rows[k.engaged] == 0.0 and _never_again(rows, k, room):
         return QUIET
-    spent = rows[k.age] > note[FLIGHT] or rows[k.made] > note[GRANTED]
-    end = lasting(rows, k, room) if spent or asks(rows, k, note) else RUNNING
+    spent = rows[k.age] > note[FLIGHT] or rows[k.steps] > note[GRANTED]
+    end = lasting(rows, k, room) if spent or lasting_is_due(rows, k, note) else RUNNING
     return SPENT if spent and end == RUNNING else end
 
 
 @inner
-def asks(rows, k, note):
-    """Return whether to ask if a phase lasts: a period after an impact, and whenever twice as much has passed."""
+def lasting_is_due(rows, k, note):
+    """Return whether to check if a phase lasts: a period after an impact, and whenever twice as much has passed."""
     age = rows[k.age]
     if age < max(QUIET_FOR, TURN / rows[k.theta]):
         return False
-    if 2.0 * age < note[ASK]:
-        note[ASK] = 0.0  # that was before the impact
-    if age < note[ASK]:
+    if 2.0 * age < note[DUE]:
+        note[DUE] = 0.0  # that was before the impact
+    if age < note[DUE]:
         return False
-    note[ASK] = 2.0 * age
+    note[DUE] = 2.0 * age
     return True
 
 
@@ -193,28 +192,28 @@ def note_rests(rows, k, room, note, before, closing, recorded):
 
 
 @inner
-def note_misses(rows, notes, k, wide, here, window):
+def note_misses(rows, notes, k, wide, hit, window):
     """Keep at an impact the closest misses since the last one, if they count, and begin anew.
 
     Misses that do not count, or are not closer than the closest so far, are not looked for.
     """
     hits = get(notes, HITS, wide)
-    counts = here & (hits > window.transient + 1.0) & (hits <= window.total)
+    counts = hit & (hits > window.transient + 1.0) & (hits <= window.total)
     follows = (hits > window.transient) & (hits < window.total)
     for y in range(k.stops):
         at, missed = SUMS + y * EACH + MISS, get(rows, k.missed + y, wide)
         closest = get(notes, at, wide)
         closest = select(counts & (missed > -math.inf) & (missed < closest), missed, closest)
         put(notes, at, wide, closest)
-        put(rows, k.missed + y, wide, select(here, select(follows, closest, -math.inf), missed))
+        put(rows, k.missed + y, wide, select(hit, select(follows, closest, -math.inf), missed))
 
 
 @inner
-def note_open(notes, k, wide, here):
+def note_open(notes, k, wide, hit):
     """Note at a recorded impact how long stops have been closed, where none is."""
     for y in range(k.stops + 1):
         at = SUMS + y * EACH
-        put(notes, at + LATEST, wide, select(here, get(notes, at + RESTED, wide), get(notes, at + LATEST, wide)))
+        put(notes, at + LATEST, wide, select(hit, get(notes, at + RESTED, wide), get(notes, at + LATEST, wide)))
 
 
 @inner(forceinline=True)
@@ -230,21 +229,21 @@ def add(notes, k, wide, hit, z, v, energy, impulse, sine, cosine, periods, windo
     put(notes, STOP, wide, select(opens, z, get(notes, STOP, wide)))
     mark(notes, ENDED, wide, last, sine, cosine, periods)
     for y in range(k.stops):
-        at, own = SUMS + y * EACH, kept & (z == float(y))
+        at, at_y = SUMS + y * EACH, kept & (z == float(y))
         count, first = get(notes, at + COUNT, wide), get(notes, at + FIRST, wide)
-        first = select(own & (count <= 0.0), v, first)
+        first = select(at_y & (count <= 0.0), v, first)
         put(notes, at + FIRST, wide, first)
-        put(notes, at + COUNT, wide, count + select(own, 1.0, 0.0))
-        more = select(own, v - first, 0.0)
+        put(notes, at + COUNT, wide, count + select(at_y, 1.0, 0.0))
+        more = select(at_y, v - first, 0.0)
         put(notes, at + SUM, wide, get(notes, at + SUM, wide) + more)
         put(notes, at + SQUARES, wide, fma(more, more, get(notes, at + SQUARES, wide)))
         largest = get(notes, at + LARGEST, wide)
-        put(notes, at + LARGEST, wide, select(own & (v > largest), v, largest))
-        put(notes, at + COSINE, wide, get(notes, at + COSINE, wide) + select(own, cosine, 0.0))
-        put(notes, at + SINE, wide, get(notes, at + SINE, wide) + select(own, sine, 0.0))
-        lost = select(own, select(opens, 0.0, energy), 0.0)
+        put(notes, at + LARGEST, wide, select(at_y & (v > largest), v, largest))
+        put(notes, at + COSINE, wide, get(notes, at + COSINE, wide) + select(at_y, cosine, 0.0))
+        put(notes, at + SINE, wide, get(notes, at + SINE, wide) + select(at_y, sine, 0.0))
+        lost = select(at_y, select(opens, 0.0, energy), 0.0)
         put(notes, at + ENERGY, wide, get(notes, at + ENERGY, wide) + lost)
-        pushed = select(own, select(opens, 0.0, impulse), 0.0)
+        pushed = select(at_y, select(opens, 0.0, impulse), 0.0)
         put(notes, at + THRUST, wide, get(notes, at + THRUST, wide) + pushed)
 
 
@@ -272,11 +271,11 @@ def conclude(notes, rows, k, wide, over, y, window):
 
 
 @inner(forceinline=True)
-def mark(notes, at, wide, here, sine, cosine, periods):
-    """Leave the time of an impact."""
-    put(notes, at, wide, select(here, sine, get(notes, at, wide)))
-    put(notes, at + 1, wide, select(here, cosine, get(notes, at + 1, wide)))
-    put(notes, at + 2, wide, select(here, periods, get(notes, at + 2, wide)))
+def mark(notes, at, wide, where, sine, cosine, periods):
+    """Leave the time of an impact `where` there is one."""
+    put(notes, at, wide, select(where, sine, get(notes, at, wide)))
+    put(notes, at + 1, wide, select(where, cosine, get(notes, at + 1, wide)))
+    put(notes, at + 2, wide, select(where, periods, get(notes, at + 2, wide)))
 
 
 @inner

@@ -2,25 +2,26 @@
 
 A damper takes the force of a stop to zero before the stop is free, and what pushes on may press it in again before it
 is: nothing is struck, and no phase lasts. Such a motion goes on for ever once it comes back to its state at a moment
-when a stop lets go, within 1e-12 of V and at the same phase. That is asked a few periods after an impact, and whenever
-twice as many have passed.
+when a stop lets go, within 1e-12 of V and at the same phase. That is checked a few periods after an impact, and
+whenever twice as many have passed.
 """
 
 from __future__ import annotations
 
+from vibroimpact.kernels.leaps import TURN
 from vibroimpact.kernels.machine import copy, inner, rare
 from vibroimpact.kernels.systems.layout import CLOSED
-from vibroimpact.kernels.systems.march import AGAIN, HITS, STILL, TURN, WAITS
+from vibroimpact.kernels.systems.march import AGAIN, HITS, STILL, WAITS
 
 SAME = 1e-12  # of V, and of a period
-AFTER = 4.0  # periods after an impact it is asked first
+AFTER = 4.0  # periods after an impact it is checked first
 LONGEST = 8.0  # periods in which it must come back
 WALK = 1 << 16  # steps after which a walk is given up
 
 
 @rare
-def asks_again(notes, stride, lane, periods):
-    """Return whether to ask in this period, in a lane or (stride 1) a cell alone."""
+def repetition_is_due(notes, stride, lane, periods):
+    """Return whether to check for a repetition in this period, in a lane or (stride 1) a cell alone."""
     hits, still = HITS * stride + lane, STILL * stride + lane
     again, waits = AGAIN * stride + lane, WAITS * stride + lane
     if notes[hits] != notes[still]:
@@ -50,12 +51,10 @@ def same_contacts(a, b, k):
 @rare
 def is_pressed(rows, k):
     """Return whether a compliant stop is in contact, and one let go or pushed lately."""
-    found = False
-    if rows[k.age] * rows[k.theta] > LONGEST * TURN:
-        return found
-    for z in range(k.stops):
-        found |= rows[k.spring + z] > 0.0 and in_contact(rows, z, k)
-    return found
+    pressed = False
+    for z in range(k.stops if rows[k.age] * rows[k.theta] <= LONGEST * TURN else 0):
+        pressed |= rows[k.spring + z] > 0.0 and in_contact(rows, z, k)
+    return pressed
 
 
 @rare

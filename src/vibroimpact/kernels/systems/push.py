@@ -89,11 +89,11 @@ def _take(rows, z, damped, end, pace, k, wide):
 
 
 @inner(forceinline=True)
-def _largest(series, end, here):
+def _largest(series, end, pushes):
     """Return the largest value of a series on the way to `end`."""
     a = coefficients(times(series, -1.0))
     last, _ = valued(a, end)
-    return -trough(a, end, here, select(a[0] < last, a[0], last))
+    return -trough(a, end, pushes, select(a[0] < last, a[0], last))
 
 
 @inner
@@ -112,14 +112,14 @@ def drain(rows, end, k, wide):
 
 
 @inner(forceinline=True)
-def _add(rows, row, wide, here, more):
-    put(rows, row, wide, get(rows, row, wide) + select(here, more, 0.0))
+def _add(rows, row, wide, where, more):
+    put(rows, row, wide, get(rows, row, wide) + select(where, more, 0.0))
 
 
 @inner(forceinline=True)
-def _raise(rows, row, wide, here, value):
+def _raise(rows, row, wide, where, value):
     largest = get(rows, row, wide)
-    put(rows, row, wide, select(here & (value > largest), value, largest))
+    put(rows, row, wide, select(where & (value > largest), value, largest))
 
 
 @inner(forceinline=True)
@@ -165,25 +165,25 @@ def meet(rows, k, wide, contact):
     begins, ends = usual & (engaged <= 0.0), usual & (engaged == 1.0)
     speed = hard = thick = 0.0 * which
     for z in range(k.stops):
-        here, apart = which == float(z), (which < float(z)) | (which > float(z))
+        at_z, elsewhere = which == float(z), (which < float(z)) | (which > float(z))
         u, w, size = stands(rows, z, sine, cosine, k, wide)
         clear = TOUCH * size + NOWHERE * get(rows, k.speed, wide)
         kind, spring = get(rows, k.kind + z, wide), get(rows, k.spring + z, wide)
         dashpot = get(rows, k.dashpot + z, wide)
-        first = here & (spring > 0.0) & (kind < CLOSED) & (-w >= get(rows, k.cut, wide))
+        first = at_z & (spring > 0.0) & (kind < CLOSED) & (-w >= get(rows, k.cut, wide))
         first = first & ((dashpot <= 0.0) | (-dashpot * w > SURE * spring * size))
-        last = here & (spring > 0.0) & (kind >= CLOSED) & (w > 0.0) & ((dashpot <= 0.0) | (u < -clear))
-        begins, ends = begins & (first | (apart & (u > clear))), ends & (last | (apart & (u > clear)))
-        speed = select(here, -w, speed)
-        hard, thick = select(here, get(rows, k.hard + z, wide), hard), select(here, get(rows, k.thick + z, wide), thick)
+        last = at_z & (spring > 0.0) & (kind >= CLOSED) & (w > 0.0) & ((dashpot <= 0.0) | (u < -clear))
+        begins, ends = begins & (first | (elsewhere & (u > clear))), ends & (last | (elsewhere & (u > clear)))
+        speed = select(at_z, -w, speed)
+        hard, thick = select(at_z, get(rows, k.hard + z, wide), hard), select(at_z, get(rows, k.thick + z, wide), thick)
     for z in range(k.stops):
-        here, dashpot = which == float(z), get(rows, k.dashpot + z, wide)
+        at_z, dashpot = which == float(z), get(rows, k.dashpot + z, wide)
         pushes = select(dashpot > 0.0, CLOSED, BALANCED)
-        kind = select(here & begins, pushes, select(here & ends, STRUCK, get(rows, k.kind + z, wide)))
+        kind = select(at_z & begins, pushes, select(at_z & ends, STRUCK, get(rows, k.kind + z, wide)))
         put(rows, k.kind + z, wide, kind)
-        leaves = here & ends & (dashpot > 0.0)
+        leaves = at_z & ends & (dashpot > 0.0)
         put(rows, k.leaving + z, wide, select(leaves, 1.0, get(rows, k.leaving + z, wide)))
-        engaged = select(here & begins, 1.0, select(here & ends & (dashpot <= 0.0), 0.0, engaged))
+        engaged = select(at_z & begins, 1.0, select(at_z & ends & (dashpot <= 0.0), 0.0, engaged))
     put(rows, k.engaged, wide, engaged)
     pace = select(begins, 1.0 / (math.sqrt(1.0 + hard) + thick), select(ends, 1.0, get(rows, k.pace, wide)))
     put(rows, k.pace, wide, pace)

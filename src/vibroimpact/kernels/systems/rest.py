@@ -77,7 +77,7 @@ def hold(rows, k, room, chosen):
         if chosen >> z & 1:
             solve(room, chosen, s)
         for y in range(s):
-            rows[k.held + y * s + z] = room.found[y] if chosen >> z & 1 else 0.0
+            rows[k.held + y * s + z] = room.solution[y] if chosen >> z & 1 else 0.0
     rows[k.closed] = number
 
 
@@ -97,11 +97,11 @@ def settle(rows, k, room, members):
         return _settle_even(rows, k, room, members)
     chosen = complementary(room, members, s)
     for z in range(s):  # those that the others hold as well
-        left, size = room.free[z], abs(room.free[z])
+        acceleration, size = room.free[z], abs(room.free[z])
         for y in range(s):
-            left += room.gram[z, y] * room.found[y]
-            size += abs(room.gram[z, y] * room.found[y])
-        if members & ~chosen & 1 << z and left <= ROUNDING * size:
+            acceleration += room.gram[z, y] * room.solution[y]
+            size += abs(room.gram[z, y] * room.solution[y])
+        if members & ~chosen & 1 << z and acceleration <= ROUNDING * size:
             return _settle_even(rows, k, room, members)
     for z in range(s):
         if members >> z & 1:
@@ -173,14 +173,14 @@ def _leading(rows, z, k, holds):
     order, first, size, factor, others = 0, 0.0, 0.0, 1.0, 0.0
     for o in range(2, SIZE):
         if holds:
-            value, own = rows[k.hold + z * SIZE + o - 2], 0.0
+            value, terms = rows[k.hold + z * SIZE + o - 2], 0.0
             for y in range(k.stops):
-                own += abs(rows[k.held + z * k.stops + y]) * size_of(rows, y, o, k)
+                terms += abs(rows[k.held + z * k.stops + y]) * size_of(rows, y, o, k)
             factor *= max(o - 2, 1)
         else:
-            value, own = derivative(rows, z, o, k), size_of(rows, z, o, k)
+            value, terms = derivative(rows, z, o, k), size_of(rows, z, o, k)
             factor *= o
-        size = max(size, own)
+        size = max(size, terms)
         if order:
             others += abs(value) / factor if value * first < 0.0 else 0.0
         elif abs(value) > ROUNDING * size:
@@ -195,8 +195,8 @@ def size_of(rows, z, o, k):
     """Return the sum of the sizes of what a derivative of a clearance is the sum of."""
     size = abs(rows[k.stop + z * SIZE + o])
     for j in range(k.modes):
-        own = _parts(rows, j, o - 2, k) if o > 1 else abs(rows[k.flight + j * SIZE + o])
-        size += abs(rows[k.alpha + z * k.modes + j]) * own
+        terms = _parts(rows, j, o - 2, k) if o > 1 else abs(rows[k.flight + j * SIZE + o])
+        size += abs(rows[k.alpha + z * k.modes + j]) * terms
     return size
 
 

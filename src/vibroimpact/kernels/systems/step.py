@@ -13,8 +13,7 @@ there if the other stops' bounds reach as far.
 
 from __future__ import annotations
 
-import math
-
+from vibroimpact.kernels.contact import negative_part, root_at_least
 from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.flow import carry, clearances, couple, fly_alone, fly_apart, fly_together, move, turns
@@ -54,11 +53,6 @@ NO_WAY = 1e-24  # steps: a stop that allows no more is touched
 
 
 @inner(forceinline=True)
-def _negative(a):
-    return select(a < 0.0, a, 0.0)
-
-
-@inner(forceinline=True)
 def certified(a, kind):
     """Return an x in [0, 1] such that the polynomial is above zero on (0, x), from its coefficients.
 
@@ -78,29 +72,16 @@ def certified(a, kind):
     X = select(half < 0.0, 0.5, 1.0)
     last, x = tail(a), 0.0 * X
     for _ in range(2):
-        t7 = fma(last, X, _negative(a[7]))
-        t6 = fma(t7, X, _negative(a[6]))
-        t5 = fma(t6, X, _negative(a[5]))
-        t4 = fma(t5, X, _negative(a[4]))
+        t7 = fma(last, X, negative_part(a[7]))
+        t6 = fma(t7, X, negative_part(a[6]))
+        t5 = fma(t6, X, negative_part(a[5]))
+        t4 = fma(t5, X, negative_part(a[4]))
         cubic = fma(select(let_go, t7, select(at_rest, t6, select(leaving, t5, t4))), X, q3)
-        own = _reach(q0, q1, q2, cubic, X)
-        x = select(own > x, own, x)
+        bound = root_at_least(q0, q1, q2, cubic, X)
+        x = select(bound > x, bound, x)
         X = select(2.0 * x < X, 2.0 * x, X)
     x = select((kind == CLOSED) & (a[0] == 0.0), 0.0, x)  # held by no force: to be settled again
     return select(kind < OPEN, -kind, select(kind > PASSING, kind - PASSING, x))
-
-
-@inner(forceinline=True)
-def _reach(q0, q1, q2, cubic, X):
-    """Return the smallest positive root of q0 + q1 x + q2 x^2 + cubic x^3 from below, X at most."""
-    slope = cubic * X * X
-    tangent = (cubic > 0.0) & (2.0 * slope < -q1)
-    linear = select(tangent, q1 - slope, q1)
-    square = fma(select(tangent, 2.0 * cubic, _negative(cubic)), X, q2)
-    discriminant = fma(linear, linear, -4.0 * q0 * square)
-    denominator = math.sqrt(select(discriminant > 0.0, discriminant, 0.0)) - linear
-    x = select((discriminant >= 0.0) & (denominator > 0.0), 2.0 * q0 / denominator, X)
-    return select(x < X, x, X)
 
 
 @inner(forceinline=True)
@@ -136,12 +117,12 @@ def _certify(rows, held, k, wide):
     for z in range(k.stops):
         a = coefficients(_watched(rows, z, held, k, wide))
         kind = get(rows, k.kind + z, wide)
-        own = certified(a, kind)
-        nearer = own < x
+        bound = certified(a, kind)
+        nearer = bound < x
         free = select((kind < OPEN) | (kind > PASSING), 0.0, one)
         sought = select(nearer, free, sought) if z else free
-        others = select(nearer, x, select(own < others, own, others))
-        x, which = select(nearer, own, x), select(nearer, float(z) * one, which)
+        others = select(nearer, x, select(bound < others, bound, others))
+        x, which = select(nearer, bound, x), select(nearer, float(z) * one, which)
         store(rows, k.near, wide, either(nearer, a, load(rows, k.near, wide)) if z else a)
     return x, others, which, sought > 0.0
 
@@ -178,14 +159,15 @@ def _carry(rows, x, held, k, wide):
         couple(rows, k, wide, DEGREE, held, False)
     else:
         for j in range(k.modes):
-            own = get(rows, k.square + j, wide), get(rows, k.damping + j * (k.modes + 1), wide)
+            square, damping = get(rows, k.square + j, wide), get(rows, k.damping + j * (k.modes + 1), wide)
             b0, b1 = get(rows, k.deta + j, wide), get(rows, k.drate + j, wide)
-            store(rows, k.flight + j * SIZE, wide, oscillation(b0, b1, *own, wave(0.0 * b0, 0.0 * b0, 0.0 * b0)))
+            unloaded = wave(0.0 * b0, 0.0 * b0, 0.0 * b0)
+            store(rows, k.flight + j * SIZE, wide, oscillation(b0, b1, square, damping, unloaded))
     carry(rows, k.deta, k.drate, x, k, wide)
 
 
 @inner(forceinline=True)
-def fly_here(rows, held, k, wide):
+def fly_inline(rows, held, k, wide):
     """Leave the series of all modes, and of the forces of stops that are closed or push where some are `held`."""
     if k.compliant and held and k.modes == 1 and not k.rigid:
         fly_alone(rows, k, wide)
@@ -197,14 +179,14 @@ def fly_here(rows, held, k, wide):
 
 @inner
 def fly(rows, held, k, wide):
-    """Do the same, compiled once for all that do it rarely."""
-    fly_here(rows, held, k, wide)
+    """Leave what `fly_inline` leaves: compiled once for all callers that fly rarely."""
+    fly_inline(rows, held, k, wide)
 
 
 @deferred("series of one system", 1.5)
 def fly_one(rows, held, k):
-    """Do the same of one cell."""
-    fly_here(rows, held, k, None)
+    """Leave what `fly_inline` leaves, of one cell."""
+    fly_inline(rows, held, k, None)
 
 
 @inner
@@ -226,7 +208,7 @@ def step(rows, k, wide):
     """Make a certified step; leave the state after it, how far it went, which stop ended it and how."""
     turns(rows, k, wide)
     held = anywhere(get(rows, k.closed, wide) > 0.0) or (k.compliant and anywhere(get(rows, k.engaged, wide) > 0.0))
-    fly_here(rows, held, k, wide)
+    fly_inline(rows, held, k, wide)
     x, others, which, sought = _certify(rows, held, k, wide)
     close, end = _approach(load(rows, k.near, wide), x, others, sought)
     if k.wary:
@@ -247,4 +229,4 @@ def step(rows, k, wide):
         set_free(rows, k, wide)
     put(rows, k.passed, wide, end)
     put(rows, k.age, wide, get(rows, k.age, wide) + end)
-    put(rows, k.made, wide, get(rows, k.made, wide) + 1.0)
+    put(rows, k.steps, wide, get(rows, k.steps, wide) + 1.0)

@@ -22,11 +22,9 @@ from vibroimpact.kernels.machine import inner, whole
 from vibroimpact.kernels.systems.complementarity import solve
 from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.systems.march import (
-    AT,
     BEFORE,
     CHATTERED,
     EACH,
-    FROM,
     GREW,
     GROWN,
     HITS,
@@ -35,8 +33,10 @@ from vibroimpact.kernels.systems.march import (
     NEAREST,
     PARTED,
     PERIODS,
+    REFERENCE,
+    REFERENCE_STOP,
+    REFERENCE_TIME,
     RESTING,
-    SINCE,
     SUMS,
     TURNED,
     UNSURE,
@@ -58,37 +58,37 @@ def _load(rows, first, start, order, k, wide):
     sine, cosine, rate = get(rows, k.turn, wide), get(rows, k.turn + 1, wide), get(rows, k.theta, wide)
     total, a, b = start, sine, cosine
     for m in range(k.harmonics):
-        own = fma(get(rows, first + 2 * m, wide), a, get(rows, first + 2 * m + 1, wide) * b)
-        total = total + (-(((m + 1.0) * rate) * ((m + 1.0) * rate)) * own if order else own)
+        harmonic = fma(get(rows, first + 2 * m, wide), a, get(rows, first + 2 * m + 1, wide) * b)
+        total = total + (-(((m + 1.0) * rate) * ((m + 1.0) * rate)) * harmonic if order else harmonic)
         a, b = fma(a, cosine, b * sine), fma(b, cosine, -a * sine)
     return total
 
 
 @inner
-def accelerate(rows, k, found):
+def accelerate(rows, k, acceleration):
     """Leave the accelerations of all modes, under what is closed."""
     n, s = k.modes, k.stops
     for j in range(n):
         load = _load(rows, k.force + 2 * k.harmonics * j, rows[k.load + j], 0, k, None)
-        found[j] = load - rows[k.square + j] * rows[k.eta + j]
+        acceleration[j] = load - rows[k.square + j] * rows[k.eta + j]
         for i in range(n):
-            found[j] -= rows[k.damping + j * n + i] * rows[k.rate + i]
+            acceleration[j] -= rows[k.damping + j * n + i] * rows[k.rate + i]
     for z in range(s if k.compliant else 0):
         if rows[k.kind + z] >= CLOSED and rows[k.spring + z] > 0.0:
             u, w, _ = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
             for j in range(n):
-                found[j] += rows[k.jump + z * n + j] * (rows[k.spring + z] * u + rows[k.dashpot + z] * w)
+                acceleration[j] += rows[k.jump + z * n + j] * (rows[k.spring + z] * u + rows[k.dashpot + z] * w)
     if rows[k.closed] == 0.0:
         return
     for z in range(s):  # of each clearance, as if nothing were closed
         rows[k.near + z] = _load(rows, k.motion + 2 * k.harmonics * z, 0.0, 2, k, None)
         for j in range(n):
-            rows[k.near + z] -= rows[k.alpha + z * n + j] * found[j]
+            rows[k.near + z] -= rows[k.alpha + z * n + j] * acceleration[j]
     for z in range(s):
         for y in range(s):
             force = -rows[k.held + z * s + y] * rows[k.near + y]
             for j in range(n):
-                found[j] -= rows[k.jump + z * n + j] * force
+                acceleration[j] -= rows[k.jump + z * n + j] * force
 
 
 @inner
@@ -124,43 +124,43 @@ def cross(rows, k, room, z):
         rows[k.deta + j] += room.jumped[j] * dt
         rows[k.drate + j] += (room.before[j] - room.after[j]) * dt
         for y in range(s):
-            rows[k.drate + j] -= rows[k.jump + y * n + j] * room.found[y]
+            rows[k.drate + j] -= rows[k.jump + y * n + j] * room.solution[y]
 
 
 @inner
-def cross_one(rows, k, wide, made, v, impulse):
+def cross_one(rows, k, wide, struck, v, impulse):
     """Carry the deviation over the usual impact, of one stop while none is closed or pushes, where it was made.
 
     Then a- - a+ = -D (p- - p+), and (1 + R)/G = P/v.
     """
     n, which = k.modes, get(rows, k.which, wide)
-    v, impulse = select(made, v, 1.0), select(made, impulse, 0.0)
+    v, impulse = select(struck, v, 1.0), select(struck, impulse, 0.0)
     du = dw = 0.0 * v
     for j in range(n):
         jump = 0.0 * v
         for z in range(k.stops):
-            own = made & (which == float(z))
-            jump = select(own, get(rows, k.jump + z * n + j, wide), jump)
+            at_z = struck & (which == float(z))
+            jump = select(at_z, get(rows, k.jump + z * n + j, wide), jump)
             alpha = get(rows, k.alpha + z * n + j, wide)
-            du = select(own, fma(-alpha, get(rows, k.deta + j, wide), du), du)
+            du = select(at_z, fma(-alpha, get(rows, k.deta + j, wide), du), du)
         put(rows, k.leapt + j, wide, jump)
     dt = du / v
     for j in range(n):
-        left = fma(-get(rows, k.square + j, wide), get(rows, k.eta + j, wide), get(rows, k.load + j, wide))
-        left, changed = _load(rows, k.force + 2 * k.harmonics * j, left, 0, k, wide), 0.0 * v
+        acceleration = fma(-get(rows, k.square + j, wide), get(rows, k.eta + j, wide), get(rows, k.load + j, wide))
+        acceleration, changed = _load(rows, k.force + 2 * k.harmonics * j, acceleration, 0, k, wide), 0.0 * v
         for i in range(0 if k.coupled else j, n if k.coupled else j + 1):
             damping, jumped = get(rows, k.damping + j * n + i, wide), impulse * get(rows, k.leapt + i, wide)
-            left = fma(-damping, get(rows, k.rate + i, wide) + jumped, left)
+            acceleration = fma(-damping, get(rows, k.rate + i, wide) + jumped, acceleration)
             changed = fma(-damping, jumped, changed)
         put(rows, k.leapt + n + j, wide, changed)
-        gained = fma(left, dt, get(rows, k.drate + j, wide))
+        gained = fma(acceleration, dt, get(rows, k.drate + j, wide))
         for z in range(k.stops):
-            own, alpha = made & (which == float(z)), get(rows, k.alpha + z * n + j, wide)
-            dw = select(own, fma(-alpha, gained, dw), dw)
+            at_z, alpha = struck & (which == float(z)), get(rows, k.alpha + z * n + j, wide)
+            dw = select(at_z, fma(-alpha, gained, dw), dw)
     for z in range(k.stops if k.moving else 0):
-        own = made & (which == float(z))
+        at_z = struck & (which == float(z))
         moved = _load(rows, k.motion + 2 * k.harmonics * z, 0.0 * v, 2, k, wide)
-        dw = select(own, fma(moved, dt, dw), dw)
+        dw = select(at_z, fma(moved, dt, dw), dw)
     for j in range(n):
         jump = get(rows, k.leapt + j, wide)
         deta, drate = get(rows, k.deta + j, wide), get(rows, k.drate + j, wide)
@@ -216,7 +216,7 @@ def deviate(rows, k):
 
 
 @inner
-def lost(rows, k):
+def has_lost_all(rows, k):
     """Return whether a rest that is over has taken all of the deviation."""
     size = 0.0
     for j in range(2 * k.modes):
@@ -228,13 +228,13 @@ def lost(rows, k):
 def leave_centre(rows, k, wide):
     """Take from the deviation the place and the drift of a free centre: nothing depends on them."""
     for j in range(2 * k.modes if k.free else 0):  # amplitudes, then rates
-        own = get(rows, k.deta + j, wide)
-        put(rows, k.deta + j, wide, select(get(rows, k.neutral + j, wide) > 0.0, 0.0, own))
+        value = get(rows, k.deta + j, wide)
+        put(rows, k.deta + j, wide, select(get(rows, k.neutral + j, wide) > 0.0, 0.0, value))
 
 
 @inner
-def measure_growth(rows, notes, k, wide, here, counted):
-    """Make the deviation of length 1 again, and add the logarithm of what it was, or begin to count here.
+def measure_growth(rows, notes, k, wide, hit, counted):
+    """Make the deviation of length 1 again, and add the logarithm of what it was, or begin to count.
 
     What a closed stop took of it is begun anew before it counts; after that only one that is taken wholly is: its
     exponent is minus infinity, and how far neighbours part up to the next rest says whether rounding decides that.
@@ -243,88 +243,101 @@ def measure_growth(rows, notes, k, wide, here, counted):
     square = 0.0 * get(rows, k.deta, wide)
     for j in range(2 * k.modes):
         square = fma(get(rows, k.deta + j, wide), get(rows, k.deta + j, wide), square)
-    left, grown = square > 0.0, get(notes, GREW, wide)
-    length = math.sqrt(select(here & left, square, 1.0))
+    remains, grown = square > 0.0, get(notes, GREW, wide)
+    length = math.sqrt(select(hit & remains, square, 1.0))
     for j in range(2 * k.modes):
         put(rows, k.deta + j, wide, get(rows, k.deta + j, wide) / length)
-    if anywhere(here & (no(counted) | no(left))):
-        _begin_anew(rows, k, wide, here & (no(counted) | no(left)), left)
-    grew = select(left, math.log(length), -math.inf)
-    put(notes, GREW, wide, select(here, select(counted, grown + grew, 0.0), grown))
-    parted, rests = get(notes, PARTED, wide), here & no(left)
+    if anywhere(hit & (no(counted) | no(remains))):
+        _begin_anew(rows, k, wide, hit & (no(counted) | no(remains)), remains)
+    grew = select(remains, math.log(length), -math.inf)
+    put(notes, GREW, wide, select(hit, select(counted, grown + grew, 0.0), grown))
+    parted, rests = get(notes, PARTED, wide), hit & no(remains)
     unsure, sum_ = rests & (parted > ROUNDED_FROM), parted + grew
     put(notes, UNSURE, wide, select(unsure, get(notes, HITS, wide), get(notes, UNSURE, wide)))
-    put(notes, PARTED, wide, select(here, select(sum_ > 0.0, sum_, 0.0), parted))
+    put(notes, PARTED, wide, select(hit, select(sum_ > 0.0, sum_, 0.0), parted))
 
 
 @inner
-def _begin_anew(rows, k, wide, here, left):
+def _begin_anew(rows, k, wide, where, remains):
     """Give the modes of which nothing is left some deviation again: where others are left, so little of it that it
     changes no length.
     """
     for j in range(k.modes):
         deta, drate = get(rows, k.deta + j, wide), get(rows, k.drate + j, wide)
-        anew, size = here & (abs(deta) < LOST) & (abs(drate) < LOST), select(left, LOST, 1.0)
+        anew, size = where & (abs(deta) < LOST) & (abs(drate) < LOST), select(remains, LOST, 1.0)
         put(rows, k.deta + j, wide, select(anew, size / (j + 1.0), deta))
         put(rows, k.drate + j, wide, select(anew, size / (j + 2.0), drate))
 
 
 @inner
-def recur(rows, notes, k, wide, here, total):
-    """Compare a recorded impact with the one that is known, or make it the known one.
+def recur(rows, notes, k, wide, recorded, total):
+    """Compare a recorded impact with the reference impact, or make it that.
 
     It has come back if the state is the same within NEAR of V after whole periods, wherever a free centre is: the next
     impact of a chatter that completes is as near, too. Without chatter it must be as much nearer than it ever was
     before, or a cycle that is reached by turns from either side would be named double. Every power of two of impacts
-    the known one is replaced, unless a cycle is known and there are fewer left than it has.
+    the reference is replaced, unless a cycle is known and there are fewer left than it has.
     """
     hits, z, periods = get(notes, HITS, wide), get(rows, k.which, wide), get(rows, k.turn + 2, wide)
     enough = get(notes, PERIODS, wide) * hits <= (total - hits) * periods
-    moves = here & (hits >= 2.0 * get(notes, FROM, wide)) & (hits < total) & enough
+    moves = recorded & (hits >= 2.0 * get(notes, REFERENCE, wide)) & (hits < total) & enough
     if anywhere(moves):
-        _know(rows, notes, k, wide, moves, hits, z)
-    here = here & (get(notes, IMPACTS, wide) == 0.0) & (hits > get(notes, FROM, wide))
+        _set_reference(rows, notes, k, wide, moves, hits, z)
+    compared = recorded & (get(notes, IMPACTS, wide) == 0.0) & (hits > get(notes, REFERENCE, wide))
     for y in range(k.stops):
         at = SUMS + y * EACH + TURNED
-        put(notes, at, wide, get(notes, at, wide) + select(here & (z == float(y)), 1.0, 0.0))
-    periods = periods - get(notes, SINCE + 2, wide)
-    asked = here & (z == get(notes, AT, wide)) & (periods > 0.5)
-    if not anywhere(asked):
+        put(notes, at, wide, get(notes, at, wide) + select(compared & (z == float(y)), 1.0, 0.0))
+    periods = periods - get(notes, REFERENCE_TIME + 2, wide)
+    may_return = compared & (z == get(notes, REFERENCE_STOP, wide)) & (periods > 0.5)
+    if not anywhere(may_return):
         return
     speed, nearest = get(rows, k.speed, wide), get(notes, NEAREST, wide)
     apart = 0.0 * speed
     for j in range(2 * k.modes + 2):
         at = k.eta + j if j < 2 * k.modes else k.turn + j - 2 * k.modes
-        off = abs(get(rows, at, wide) - get(rows, k.known + j, wide))
+        off = abs(get(rows, at, wide) - get(rows, k.reference + j, wide))
         off = speed * off if j >= 2 * k.modes else off
         if k.free and j < 2 * k.modes:
             off = select(get(rows, k.neutral + j, wide) > 0.0, 0.0, off)
         apart = select(off > apart, off, apart)
     chatters = get(notes, CHATTERED, wide) > 0.0
-    back = asked & (apart <= NEAR * select(chatters, speed, nearest))
+    back = may_return & (apart <= NEAR * select(chatters, speed, nearest))
     if anywhere(back):
-        impacts = select(chatters, -1.0, hits - get(notes, FROM, wide))
+        impacts = select(chatters, -1.0, hits - get(notes, REFERENCE, wide))
         put(notes, IMPACTS, wide, select(back, impacts, get(notes, IMPACTS, wide)))
         put(notes, PERIODS, wide, select(back, whole(periods), get(notes, PERIODS, wide)))
         for y in range(k.stops + 1):
             at = SUMS + y * EACH
             rested = get(notes, at + LATEST, wide) - get(notes, at + BEFORE, wide)
             put(notes, at + RESTING, wide, select(back, rested, get(notes, at + RESTING, wide)))
-    put(notes, NEAREST, wide, select(asked & (apart < nearest), apart, nearest))
+    put(notes, NEAREST, wide, select(may_return & (apart < nearest), apart, nearest))
 
 
 @inner
-def _know(rows, notes, k, wide, here, hits, z):
-    """Make an impact the known one."""
+def _set_reference(rows, notes, k, wide, where, hits, z):
+    """Make an impact the reference impact."""
     for j in range(2 * k.modes + 2):
         at = k.eta + j if j < 2 * k.modes else k.turn + j - 2 * k.modes
-        put(rows, k.known + j, wide, select(here, get(rows, at, wide), get(rows, k.known + j, wide)))
-    mark(notes, SINCE, wide, here, get(rows, k.turn, wide), get(rows, k.turn + 1, wide), get(rows, k.turn + 2, wide))
+        put(rows, k.reference + j, wide, select(where, get(rows, at, wide), get(rows, k.reference + j, wide)))
+    mark(
+        notes,
+        REFERENCE_TIME,
+        wide,
+        where,
+        get(rows, k.turn, wide),
+        get(rows, k.turn + 1, wide),
+        get(rows, k.turn + 2, wide),
+    )
     for y in range(k.stops + 1):
         at = SUMS + y * EACH
-        put(notes, at + BEFORE, wide, select(here, get(notes, at + LATEST, wide), get(notes, at + BEFORE, wide)))
-        put(notes, at + TURNED, wide, select(here, 0.0, get(notes, at + TURNED, wide)))
-    for at, value in ((FROM, hits), (AT, z), (NEAREST, get(rows, k.speed, wide)), (GROWN, get(notes, GREW, wide))):
-        put(notes, at, wide, select(here, value, get(notes, at, wide)))
+        put(notes, at + BEFORE, wide, select(where, get(notes, at + LATEST, wide), get(notes, at + BEFORE, wide)))
+        put(notes, at + TURNED, wide, select(where, 0.0, get(notes, at + TURNED, wide)))
+    for at, value in (
+        (REFERENCE, hits),
+        (REFERENCE_STOP, z),
+        (NEAREST, get(rows, k.speed, wide)),
+        (GROWN, get(notes, GREW, wide)),
+    ):
+        put(notes, at, wide, select(where, value, get(notes, at, wide)))
     for at in (CHATTERED, IMPACTS, PERIODS):
-        put(notes, at, wide, select(here, 0.0, get(notes, at, wide)))
+        put(notes, at, wide, select(where, 0.0, get(notes, at, wide)))

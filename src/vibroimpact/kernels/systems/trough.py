@@ -6,7 +6,7 @@ from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.series import rates, valued
 from vibroimpact.kernels.vectors import anywhere, select
 
-PARTS = 4  # of a way, in which a rate is asked for a sign
+PARTS = 4  # of a way, at whose ends the sign of the rate is compared
 
 
 @inner

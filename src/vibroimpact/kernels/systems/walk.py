@@ -1,12 +1,14 @@
-"""Systems through time, with all that is seen of them: impacts, states at given times, contacts that are held."""
+"""Systems through time, with all that is observed of them: impacts, states at given times, contacts that are held."""
 
 from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
 
+from vibroimpact.kernels.advance import LOOK
 from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, RUNNING, SPENT
 from vibroimpact.kernels.deferred import deferred
+from vibroimpact.kernels.leaps import TURN
 from vibroimpact.kernels.machine import compiled, copy, inner
 from vibroimpact.kernels.systems.closing import part_lanes, stays_pressed
 from vibroimpact.kernels.systems.event import lift, lower, rigid, walk_on
@@ -15,8 +17,8 @@ from vibroimpact.kernels.systems.lasting import lasting
 from vibroimpact.kernels.systems.law import begin, bounce
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.leap import HALF
-from vibroimpact.kernels.systems.march import GRANTED, HITS, LOOK, MADE, TURN, asks, ending, happen, moment
-from vibroimpact.kernels.systems.pressed import asks_again, in_contact, is_pressed
+from vibroimpact.kernels.systems.march import GRANTED, HITS, STEPS, ending, happen, lasting_is_due, moment
+from vibroimpact.kernels.systems.pressed import in_contact, is_pressed, repetition_is_due
 from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
 from vibroimpact.kernels.systems.step import BACK, fly_on, fly_one
@@ -24,8 +26,8 @@ from vibroimpact.kernels.systems.tangent import happen_beside
 from vibroimpact.kernels.vectors import LANES, anywhere, get, put, select
 
 
-class Seen(NamedTuple):
-    """Rows of what is seen of the cell in each lane, and how many of each are filled.
+class Record(NamedTuple):
+    """Rows of what is observed of the cell in each lane, and how many of each are filled.
 
     Impacts: periods, phase, stop, speed, impulse, whether others were struck at once, and of compliant stops the
     largest force, the time, the penetration and the energy taken, NaN until the contact is over. Looks: eta, then its
@@ -65,9 +67,9 @@ GOES_ON = -1  # beside the ends of cells
 
 
 @inner
-def _look(rows, k, seen, lane, schedule, periods, phase):
+def _look(rows, k, record, lane, schedule, periods, phase):
     """Leave the states at the looks that lie within the step just made, which began at that time."""
-    end, pace, filled, looks = rows[k.passed], rows[k.pace], seen.filled[lane], seen.looks[lane]
+    end, pace, filled, looks = rows[k.passed], rows[k.pace], record.filled[lane], record.looks[lane]
     while filled[1] < len(looks):
         number = float(filled[1])
         whole = math.floor(number / schedule.per_period)
@@ -82,7 +84,7 @@ def _look(rows, k, seen, lane, schedule, periods, phase):
 
 
 @inner
-def _look_on_way(rows, before, k, seen, lane, schedule):
+def _look_on_way(rows, before, k, record, lane, schedule):
     """Leave the states at the looks since the state `before`: those within leaps need series of their own."""
     leapt = rows[k.age] - before[k.age] - rows[k.passed]
     within = k.compliant and before[k.engaged] > 0.0
@@ -92,17 +94,17 @@ def _look_on_way(rows, before, k, seen, lane, schedule):
         turns(before, k, None)
         fly_one(before, within, k)
         before[k.passed] = length
-        _look(before, k, seen, lane, schedule, periods, phase)
+        _look(before, k, record, lane, schedule, periods, phase)
         move(before, length / before[k.pace], False, k, None)
     periods, phase = moment(before[k.turn], before[k.turn + 1], before[k.turn + 2])
-    _look(rows, k, seen, lane, schedule, periods, phase)
+    _look(rows, k, record, lane, schedule, periods, phase)
 
 
 @inner
-def _note_rests(rows, k, seen, lane, room, closing):
+def _note_rests(rows, k, record, lane, room, closing):
     """Begin a row for each stop that closed, and end those of stops that are open."""
     periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
-    rests, filled = seen.rests[lane], seen.filled[lane]
+    rests, filled = record.rests[lane], record.filled[lane]
     for at in range(filled[2]):
         row = rests[at]
         z = int(row[0])
@@ -117,25 +119,26 @@ def _note_rests(rows, k, seen, lane, room, closing):
 
 
 @inner
-def _count(seen, lane, note, window):
+def _count(record, lane, note, window):
     """Count an impact; return which row is its, one that stays free where it is not kept."""
     note[HITS] += 1.0
-    at = seen.filled[lane, 0]
-    seen.filled[lane, 0] = at + (window.transient < note[HITS] <= window.total)
+    at = record.filled[lane, 0]
+    record.filled[lane, 0] = at + (window.transient < note[HITS] <= window.total)
     return at
 
 
 @inner
-def _record_usual(lanes, lane, k, seen, note, window):
+def _record_usual(lanes, lane, k, record, note, window):
     """Leave a row for the usual impact that ended a lane's step; `near` has its speed, impulse and energy."""
-    row, near, turn = seen.impacts[lane, _count(seen, lane, note, window)], k.near * LANES + lane, k.turn * LANES + lane
+    row = record.impacts[lane, _count(record, lane, note, window)]
+    near, turn = k.near * LANES + lane, k.turn * LANES + lane
     row[0], row[1] = moment(lanes[turn], lanes[turn + LANES], lanes[turn + 2 * LANES])
     row[2], row[3], row[4], row[5] = lanes[k.which * LANES + lane], lanes[near], lanes[near + LANES], 0.0
     row[6:9], row[9] = math.nan, lanes[near + 2 * LANES]
 
 
 @inner
-def _record(rows, k, room, note, seen, lane, struck, window):
+def _record(rows, k, room, note, record, lane, struck, window):
     """Leave a row for each stop that was struck hard enough."""
     hard = 0
     for z in range(k.stops):
@@ -145,22 +148,22 @@ def _record(rows, k, room, note, seen, lane, struck, window):
     measure(rows, k, room)
     for z in range(k.stops):
         if struck >> z & 1 and room.speed[z] >= rows[k.cut]:
-            row, gives = seen.impacts[lane, _count(seen, lane, note, window)], rows[k.spring + z] > 0.0
+            row, gives = record.impacts[lane, _count(record, lane, note, window)], rows[k.spring + z] > 0.0
             row[0], row[1] = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
             row[2], row[3], row[4], row[5] = z, room.speed[z], math.nan if gives else room.impulse[z], hard > 1
             row[6:9] = math.nan
             row[9] = math.nan if gives else 0.5 * (room.speed[z] - room.rate[z]) * room.impulse[z]
             if gives and window.transient < note[HITS] <= window.total:
-                rows[k.entry + z] = seen.filled[lane, 0]
+                rows[k.entry + z] = record.filled[lane, 0]
 
 
 @inner
-def _conclude(rows, k, seen, lane):
+def _conclude(rows, k, record, lane):
     """Leave what contacts that are over came to; one that goes on after its stop let go adds to its row."""
     for z in range(k.stops):
         if rows[k.kind + z] < CLOSED and rows[k.pushed + z] > 0.0:
             if rows[k.entry + z] > 0.0:
-                row = seen.impacts[lane, int(rows[k.entry + z]) - 1]
+                row = record.impacts[lane, int(rows[k.entry + z]) - 1]
                 if math.isnan(row[4]):
                     row[4], row[6:] = 0.0, 0.0
                 row[4] += rows[k.thrust + z]
@@ -171,16 +174,16 @@ def _conclude(rows, k, seen, lane):
 
 
 @inner
-def _record_unusual(rows, k, room, note, seen, lane, window):
+def _record_unusual(rows, k, room, note, record, lane, window):
     """Make what else ended a step, and record it."""
     for z in range(k.stops if k.compliant else 0):
         if not in_contact(rows, z, k):
             rows[k.entry + z] = 0.0
     struck, closing = happen(rows, k, room)
     if k.compliant:
-        _conclude(rows, k, seen, lane)
-    _record(rows, k, room, note, seen, lane, struck, window)
-    _note_rests(rows, k, seen, lane, room, closing)
+        _conclude(rows, k, record, lane)
+    _record(rows, k, room, note, record, lane, struck, window)
+    _note_rests(rows, k, record, lane, room, closing)
 
 
 @inner
@@ -193,36 +196,36 @@ def _waits(rows, k):
 
 
 @inner
-def _has_seen_all(seen, lane, note, schedule, window):
+def _is_complete(record, lane, note, schedule, window):
     """Return whether a lane has all impacts, or all looks."""
-    return note[HITS] >= window.total or (schedule.number > 0.0 and seen.filled[lane, 1] >= schedule.number)
+    return note[HITS] >= window.total or (schedule.number > 0.0 and record.filled[lane, 1] >= schedule.number)
 
 
 @inner
-def _is_full(k, seen, lane):
+def _is_full(k, record, lane):
     """Return whether a lane's rows might not be enough for the next event."""
-    impacts, rests = seen.filled[lane, 0] + k.stops, seen.filled[lane, 2] + k.stops
-    return impacts >= seen.impacts.shape[1] or rests > seen.rests.shape[1]
+    impacts, rests = record.filled[lane, 0] + k.stops, record.filled[lane, 2] + k.stops
+    return impacts >= record.impacts.shape[1] or rests > record.rests.shape[1]
 
 
 @inner
-def _end(rows, k, room, note, seen, lane, schedule, window, alone, asked):
+def _end(rows, k, room, note, record, lane, schedule, window, alone, due):
     """Return why a cell stops here, RUNNING if for a full buffer alone, or that it goes on."""
     if rows[k.lawless] > 0.0:
         return LAWLESS
-    full = _has_seen_all(seen, lane, note, schedule, window)
+    full = _is_complete(record, lane, note, schedule, window)
     if full and schedule.number == 0.0 and _waits(rows, k):
-        full = rows[k.made] > note[GRANTED]
-        full |= asked and asks(rows, k, note) and lasting(rows, k, room) != RUNNING
+        full = rows[k.steps] > note[GRANTED]
+        full |= due and lasting_is_due(rows, k, note) and lasting(rows, k, room) != RUNNING
     if full:
         stays = schedule.number > 0.0 and rows[k.closed] > 0.0 and lasting(rows, k, room) == PINNED
         return PINNED if stays else FILLED
-    if _is_full(k, seen, lane):
+    if _is_full(k, record, lane):
         return RUNNING
-    if not asked or note[HITS] >= window.total:
+    if not due or note[HITS] >= window.total:
         return GOES_ON
     end = ending(rows, k, room, note, window.total)
-    still = k.compliant and asks_again(note, 1, 0, rows[k.turn + 2]) and is_pressed(rows, k)
+    still = k.compliant and repetition_is_due(note, 1, 0, rows[k.turn + 2]) and is_pressed(rows, k)
     if end == RUNNING and still and stays_pressed(rows, k, room, note, window, alone):
         end = PINNED
     return end if end != RUNNING and (schedule.number == 0.0 or end == SPENT) else GOES_ON
@@ -239,36 +242,36 @@ def _begin(rows, k, row, room):
 
 
 @compiled("starts of motions of systems", 1)
-def seat(busy, lane, k, row, room, seen):
+def seat(busy, lane, k, row, room, record):
     """Put a cell, a row of its constants, into a lane."""
     closing = _begin(busy.rows, k, row, room)
-    _note_rests(busy.rows, k, seen, lane, room, closing)
+    _note_rests(busy.rows, k, record, lane, room, closing)
     lower(busy.lanes, lane, busy.rows, k.rows)
 
 
 @inner
-def _look_at_all(busy, k, seen, schedule):
+def _look_at_all(busy, k, record, schedule):
     """Leave the states of all cells at the looks since the step before."""
     for lane in range(LANES):
         if busy.owner[lane] >= 0:
             lift(busy.lanes, lane, busy.rows)
             lift(busy.before, lane, busy.spare)
-            _look_on_way(busy.rows, busy.spare, k, seen, lane, schedule)
+            _look_on_way(busy.rows, busy.spare, k, record, lane, schedule)
 
 
 @inner
 def _bounce_all(lanes, k):
     """Make the usual impacts in all lanes; leave their speed, or 0, impulse and energy; return where they are made."""
-    made, v, impulse, r = bounce(lanes, k, 0)
-    put(lanes, k.near, 0, select(made, v, 0.0))
+    struck, v, impulse, r = bounce(lanes, k, 0)
+    put(lanes, k.near, 0, select(struck, v, 0.0))
     put(lanes, k.near + 1, 0, impulse)
     put(lanes, k.near + 2, 0, 0.5 * (1.0 - r) * v * impulse)
-    put(lanes, k.hit, 0, select(made, NOTHING, get(lanes, k.hit, 0)))
-    return anywhere(made)
+    put(lanes, k.hit, 0, select(struck, NOTHING, get(lanes, k.hit, 0)))
+    return anywhere(struck)
 
 
 @deferred("motions of systems", 3, by_kind=True)
-def _follow(busy, k, room, seen, window, schedule, most, alone):
+def _follow(busy, k, room, record, window, schedule, most, alone):
     """Follow cells until one ends or a buffer of its is full, or so many steps are made; leave why."""
     lanes, rows, looking, over = busy.lanes, busy.rows, schedule.number > 0.0, False
     for number in range(most):
@@ -276,39 +279,39 @@ def _follow(busy, k, room, seen, window, schedule, most, alone):
             copy(lanes, busy.before)
         walk_on(lanes, k)
         if looking:
-            _look_at_all(busy, k, seen, schedule)
-        made, asked = _bounce_all(lanes, k), number % LOOK == 0
-        if not (looking or asked or made or anywhere(get(lanes, k.hit, 0) > NOTHING)):
+            _look_at_all(busy, k, record, schedule)
+        struck, due = _bounce_all(lanes, k), number % LOOK == 0
+        if not (looking or due or struck or anywhere(get(lanes, k.hit, 0) > NOTHING)):
             continue
         for lane in range(LANES):
             usual, hit = lanes[k.near * LANES + lane] > 0.0, lanes[k.hit * LANES + lane]
-            if busy.owner[lane] < 0 or not (looking or asked or usual or hit != NOTHING):
+            if busy.owner[lane] < 0 or not (looking or due or usual or hit != NOTHING):
                 continue
             note = busy.notes[lane]
-            note[MADE] = lanes[k.made * LANES + lane]
+            note[STEPS] = lanes[k.steps * LANES + lane]
             if usual:
-                _record_usual(lanes, lane, k, seen, note, window)
+                _record_usual(lanes, lane, k, record, note, window)
             if not (
-                asked or hit != NOTHING or _has_seen_all(seen, lane, note, schedule, window) or _is_full(k, seen, lane)
+                due or hit != NOTHING or _is_complete(record, lane, note, schedule, window) or _is_full(k, record, lane)
             ):
                 continue
             lift(lanes, lane, rows)
             if hit != NOTHING:
-                _record_unusual(rows, k, room, note, seen, lane, window)
+                _record_unusual(rows, k, room, note, record, lane, window)
                 lower(lanes, lane, rows, k.constants)
-            busy.ends[lane] = _end(rows, k, room, note, seen, lane, schedule, window, alone, asked)
+            busy.ends[lane] = _end(rows, k, room, note, record, lane, schedule, window, alone, due)
             over |= busy.ends[lane] != GOES_ON
         if over:
             return
 
 
 @compiled("motions of systems", 0.3)
-def follow(busy, k, room, seen, window, schedule, most, alone):
-    """Do so; what compliant stops need is left out where there are none."""
+def follow(busy, k, room, record, window, schedule, most, alone):
+    """Follow cells as `_follow` does; what compliant stops need is left out where there are none."""
     if k.compliant:
-        _follow(busy, k, room, seen, window, schedule, most, alone)
+        _follow(busy, k, room, record, window, schedule, most, alone)
     else:
-        _follow(busy, rigid(k), room, seen, window, schedule, most, alone)
+        _follow(busy, rigid(k), room, record, window, schedule, most, alone)
 
 
 @compiled("multipliers of systems", 2)
