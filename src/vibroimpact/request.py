@@ -309,11 +309,14 @@ def key_of(identity: dict[str, Any]) -> str:
 
 def differences(stored: dict[str, Any], wanted: dict[str, Any]) -> str:
     """Return in words where two identities differ."""
-    names = [name for name in {**stored, **wanted} if stored.get(name) != wanted.get(name)]
-    pairs = [(name, str(stored.get(name, "none")), str(wanted.get(name, "none"))) for name in names]
-    plain = [(name, unmarked(name, there), unmarked(name, here)) for name, there, here in pairs]
-    kept = [marked if short[1] == short[2] else short for marked, short in zip(pairs, plain, strict=True)]
-    return "; ".join(f"{name} is {there} there, {here} here" for name, there, here in kept)
+    texts = []
+    for name in {**stored, **wanted}:
+        if stored.get(name) != wanted.get(name):
+            marked = [str(identity.get(name, "none")) for identity in (stored, wanted)]
+            plain = [unmarked(name, entry) for entry in marked]
+            old, new = marked if plain[0] == plain[1] else plain
+            texts.append(f"{name} is {old} there, {new} here")
+    return "; ".join(texts)
 
 
 def unmarked(name: str, value: str) -> str:
