@@ -28,7 +28,7 @@ from vibroimpact.dataset import (
 )
 from vibroimpact.indices import EVERY
 from vibroimpact.model import Model, State, check_names, one_start
-from vibroimpact.parameters import STEPS, Parameter, check_steps, invalid, positive_number, whole_number
+from vibroimpact.parameters import Parameter, check_steps, invalid, positive_number, whole_number
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -148,7 +148,7 @@ class Request:
         """Refuse an initial condition beyond the stop at a corner of the grid, before anything is computed."""
         self._corners()
 
-    def check_cost(self, most: int = STEPS) -> None:
+    def check_cost(self, most: int) -> None:
         """Refuse what would take more steps than this, at one an impact, or those of a fixed length in a period."""
         window, each = self.measurement.impacts, 1.0
         if self.time_step is not None:

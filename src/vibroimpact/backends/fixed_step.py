@@ -152,7 +152,7 @@ class FixedStepBackend(OneByOne):
     name = sampler = "fixed-step"
     known_indices = SAMPLE_INDICES
 
-    def __init__(self, time_step: float = TIME_STEP) -> None:
+    def __init__(self, time_step: float) -> None:
         self.time_step = time_step
 
     def run(self, cell: dict[str, float], tolerances: Tolerances) -> Run:

@@ -158,7 +158,7 @@ def follow(runner: Runner, settled: Settled, at: int, others: Sequence[SettledMo
     if orbit is None:
         return replace(cycle, start=ended(system, _sampled(runner, settled, at, ImpactWindow(settling, first + 1))))
     numbers = np.array([system.stop_names.index(stop) for stop in orbit.stops])
-    start = _state_of(system, carried(system, orbit.start), orbit.start.time)
+    start = _state_of(carried(system, orbit.start), orbit.start.time)
     phases, speeds = np.array(orbit.phases), np.array(orbit.velocities)
     return SettledMotion(phases, speeds, numbers, losses, start, float(n), _by_derivative(orbit), orbit)
 
@@ -203,7 +203,7 @@ def _sampled(runner: Runner, settled: Settled, at: int, window: ImpactWindow | S
     return cast(SystemSamples, runner.samples(settled.cells[at : at + 1], window)[0])
 
 
-def _state_of(system: ImpactSystem, cell: Any, time: float) -> State:
+def _state_of(cell: Any, time: float) -> State:
     """Return the state in which a cell starts."""
     shapes = cell.shapes[0]
     return State(shapes @ cell.block("eta")[0], shapes @ cell.block("rate")[0], time)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, SystemSamples, looks_status
+from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, SystemSamples, impacts_status, looks_status
 from vibroimpact.backends.modal.rows import budgets_of, in_steps, steps_of
 from vibroimpact.backends.modal.sweep import alone_for, layout_for, noted, room_for
 from vibroimpact.backends.scalar import aligned, ended_as
@@ -16,7 +16,7 @@ from vibroimpact.kernels.held import InMemory
 from vibroimpact.kernels.systems import march, walk
 from vibroimpact.kernels.vectors import LANES
 from vibroimpact.model.system_cells import SystemCells
-from vibroimpact.status import Status, window_status
+from vibroimpact.status import Status
 
 _STEPS = 1 << 14  # of all lanes, before Python may be interrupted
 _ROOM = 4096  # rows of a buffer, which is emptied when it is full
@@ -35,13 +35,14 @@ class _Recorder:
         self._cells, self._window = cells, measurement.window
         k = self._layout = layout_for(cells, cells.shape.compliant)
         self._table = in_steps(cells, measurement.tolerances.chatter, k)
-        self._total, looks, per_period, limit = march.Window(0.0, math.inf), 0, 1, 0.0
         if isinstance(self._window, ImpactWindow):
+            looks, per_period = 0, 1
             limit = float(self._window.transient + self._window.keep)
             self._total = march.Window(float(self._window.transient), limit)
         else:
             looks, per_period = self._window.keep, self._window.per_period
             limit = self._window.skip_periods + looks / per_period + 1.0
+            self._total = march.Window(0.0, math.inf)
         self._budgets = budgets_of(cells, measurement.tolerances, limit)
         wide = min(len(cells), LANES)
         self._times = np.zeros((wide, 2, looks))
@@ -160,9 +161,7 @@ def _within_impacts(impacts: Floats, rests: Floats, window: ImpactWindow, ended:
     first, last = (turns[0], turns[-1] if filled else math.inf) if len(turns) else (math.inf, -math.inf)
     later = np.isnan(rests[:, 3]) | (rests[:, 3] + rests[:, 4] > first)
     rests = rests[later & (rests[:, 1] + rests[:, 2] < last)]
-    span = float(turns[-1] - turns[0]) if len(turns) else 0.0
-    stuck = len(rests) > 0
-    return rests, window_status(sampled=len(impacts), wanted=window.keep, stuck=stuck, periods=span, ended=ended)
+    return rests, impacts_status(impacts, rests, window, ended)
 
 
 def _within_looks(

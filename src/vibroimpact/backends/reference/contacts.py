@@ -74,7 +74,7 @@ def impact_law(coupling: Floats, restitution: Floats, rates: Floats) -> tuple[Fl
 
 
 def held_closed(
-    eq: Equations, x: Floats, touched: list[int], springs: tuple[int, ...] = ()
+    eq: Equations, x: Floats, touched: list[int], springs: tuple[int, ...]
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Return the rigid stops that push, and all that stay closed, of those touched with a rate of zero.
 
