@@ -100,7 +100,7 @@ def test_where_none_of_some_stiff_motions_ends_the_others_are_not_tried(monkeypa
     for which, outcome in runner.run(measuring.spread_cells(osc.cells({})), ImpactWindow(100, 500)):
         status[which], steps[which] = outcome["status"], outcome["steps"]
     assert (status == vi.Status.BUDGET).all()
-    assert np.count_nonzero(steps) == measuring.ASKED
+    assert np.count_nonzero(steps) == measuring.PROBES
     assert runner.steps == steps.sum()
 
 

@@ -28,7 +28,7 @@ from vibroimpact.dataset import (
 )
 from vibroimpact.indices import EVERY
 from vibroimpact.model import Model, State, check_names, one_start
-from vibroimpact.parameters import STEPS, Parameter, check_steps, invalid, positive_number, whole_number
+from vibroimpact.parameters import Parameter, check_steps, invalid, positive_number, whole_number
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -148,7 +148,7 @@ class Request:
         """Refuse an initial condition beyond the stop at a corner of the grid, before anything is computed."""
         self._corners()
 
-    def check_cost(self, most: int = STEPS) -> None:
+    def check_cost(self, most: int) -> None:
         """Refuse what would take more steps than this, at one an impact, or those of a fixed length in a period."""
         window, each = self.measurement.impacts, 1.0
         if self.time_step is not None:
@@ -309,11 +309,14 @@ def key_of(identity: dict[str, Any]) -> str:
 
 def differences(stored: dict[str, Any], wanted: dict[str, Any]) -> str:
     """Return in words where two identities differ."""
-    names = [name for name in {**stored, **wanted} if stored.get(name) != wanted.get(name)]
-    pairs = [(name, str(stored.get(name, "none")), str(wanted.get(name, "none"))) for name in names]
-    plain = [(name, unmarked(name, there), unmarked(name, here)) for name, there, here in pairs]
-    kept = [marked if short[1] == short[2] else short for marked, short in zip(pairs, plain, strict=True)]
-    return "; ".join(f"{name} is {there} there, {here} here" for name, there, here in kept)
+    texts = []
+    for name in {**stored, **wanted}:
+        if stored.get(name) != wanted.get(name):
+            marked = [str(identity.get(name, "none")) for identity in (stored, wanted)]
+            plain = [unmarked(name, entry) for entry in marked]
+            old, new = marked if plain[0] == plain[1] else plain
+            texts.append(f"{name} is {old} there, {new} here")
+    return "; ".join(texts)
 
 
 def unmarked(name: str, value: str) -> str:

@@ -66,5 +66,5 @@ def check_known(indices: Iterable[str], backend: Backend, model: Model) -> None:
         if name == "max_force" and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):
             raise ValueError("`max_force` needs a compliant stop; the force of a rigid one has no largest value")
         if name not in backend.known_indices and (name not in FORCES or isinstance(backend, OfOneMass)):
-            known = ", ".join(known for known in INDICES if known in backend.known_indices)
-            raise ValueError(f"`backend` {backend.name!r} does not give the index {name!r}, only {known}")
+            names = ", ".join(index for index in INDICES if index in backend.known_indices)
+            raise ValueError(f"`backend` {backend.name!r} does not give the index {name!r}, only {names}")

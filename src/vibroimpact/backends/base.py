@@ -56,12 +56,12 @@ class StroboscopicWindow:
 
 @dataclass(frozen=True)
 class Measurement:
-    """What is asked of each cell.
+    """What is measured of each cell.
 
     With `early_closing` a cell ends once its cycle is certain, and its sums are finished in closed form. Indices
-    `by_stop` are those of the impacts on each stop of a system. Samples are what the window sees; they take nothing but
-    window and tolerances. With `firsts` the first impact kept of each cell of systems is told besides, and samples are
-    those of the same motions: an engine that cannot tell it leaves them to one that can.
+    `by_stop` are those of the impacts on each stop of a system. Samples are what the window takes; they depend on
+    nothing but window and tolerances. With `firsts` the first impact kept of each cell of systems is given besides, and
+    samples are those of the same motions: an engine that does not know it leaves them to one that does.
     """
 
     window: ImpactWindow | StroboscopicWindow
@@ -213,10 +213,10 @@ def looks_status(sticks: Floats, first: float, pressed: bool) -> Status:
 Outcome = dict[str, NDArray[Any]]
 
 
-def told_apart(found: Outcome, measurement: Measurement) -> Outcome:
-    """Return the outcome of cells with one stop, with a column for it where stops are to be told apart."""
+def with_stop_axis(outcome: Outcome, measurement: Measurement) -> Outcome:
+    """Return the outcome of cells with one stop, with an axis for it where indices are those of each stop."""
     of_stops = {name for name, index in INDICES.items() if measurement.by_stop and index.by_stop}
-    return {name: values[:, None] if name in of_stops else values for name, values in found.items()}
+    return {name: values[:, None] if name in of_stops else values for name, values in outcome.items()}
 
 
 class Backend(Protocol):
@@ -248,12 +248,12 @@ class Backend(Protocol):
         """Return the samples that the window takes of each cell."""
         ...
 
-    def follow(self, cell: Cells, measurement: Measurement, seen: Measurement) -> tuple[Outcome, Samples]:
-        """Return the outcome of `indices` for a single cell, and the samples that the window of `seen` takes of it.
+    def follow(self, cell: Cells, measurement: Measurement, sampling: Measurement) -> tuple[Outcome, Samples]:
+        """Return the outcome of `indices` for a single cell, and the samples that the window of `sampling` takes of it.
 
         A back end that can takes both from one run.
         """
-        return self.indices(cell, measurement), self.samples(cell, seen)[0]
+        return self.indices(cell, measurement), self.samples(cell, sampling)[0]
 
 
 @runtime_checkable

@@ -29,11 +29,11 @@ class CpuBackend(Backend):
 
     def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         """Return the indices, the status, the impacts computed and the certified steps of each cell."""
-        found: Outcome = {}
+        columns: Outcome = {}
         for done, outcome in self.share(cells, measurement)(lambda: False):
             for name, values in outcome.items():
-                found.setdefault(name, np.empty((len(cells), *values.shape[1:]), values.dtype))[done] = values
-        return found
+                columns.setdefault(name, np.empty((len(cells), *values.shape[1:]), values.dtype))[done] = values
+        return columns
 
     def share(
         self, cells: Cells, measurement: Measurement
@@ -54,18 +54,18 @@ class CpuBackend(Backend):
             return scalar.samples(cells, measurement)
         from vibroimpact.backends.modal import samples  # compiled when it is first asked
 
-        found, alone = np.empty(len(cells), object), one_mass.served(cells, measurement)
-        if alone.any():
-            found[alone] = one_mass.samples(cells[alone], measurement, scalar.samples)
-        if not alone.all():
-            found[~alone] = samples.samples(cells[~alone], measurement)
-        return found.tolist()
+        motions, served = np.empty(len(cells), object), one_mass.served(cells, measurement)
+        if served.any():
+            motions[served] = one_mass.samples(cells[served], measurement, scalar.samples)
+        if not served.all():
+            motions[~served] = samples.samples(cells[~served], measurement)
+        return motions.tolist()
 
-    def follow(self, cell: Cells, measurement: Measurement, seen: Measurement) -> tuple[Outcome, Samples]:
-        """Return the outcome of `indices` for one cell, and the samples that the window of `seen` takes of it."""
+    def follow(self, cell: Cells, measurement: Measurement, sampling: Measurement) -> tuple[Outcome, Samples]:
+        """Return the outcome of `indices` for one cell, and the samples that the window of `sampling` takes of it."""
         if isinstance(cell, SystemCells):
-            return super().follow(cell, measurement, seen)
-        return scalar.follow(cell, measurement, seen)
+            return super().follow(cell, measurement, sampling)
+        return scalar.follow(cell, measurement, sampling)
 
 
 def _sweeps(cells: Cells, measurement: Measurement) -> Iterator[tuple[Counts, Any]]:
@@ -75,11 +75,11 @@ def _sweeps(cells: Cells, measurement: Measurement) -> Iterator[tuple[Counts, An
         return
     from vibroimpact.backends.modal.sweep import SystemSweep  # compiled when it is first asked
 
-    alone = one_mass.served(cells, measurement)
-    if alone.any():
-        yield np.flatnonzero(alone), scalar.Sweep(one_mass.as_one_mass(cells[alone])[0], measurement)
-    if not alone.all():
-        yield np.flatnonzero(~alone), SystemSweep(cells[~alone], measurement)
+    served = one_mass.served(cells, measurement)
+    if served.any():
+        yield np.flatnonzero(served), scalar.Sweep(one_mass.as_one_mass(cells[served])[0], measurement)
+    if not served.all():
+        yield np.flatnonzero(~served), SystemSweep(cells[~served], measurement)
 
 
 def create() -> CpuBackend:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vibroimpact.backends import scalar
 from vibroimpact.backends.base import (
     Counts,
     Floats,
@@ -22,9 +23,7 @@ from vibroimpact.backends.base import (
     Outcome,
     Samples,
 )
-from vibroimpact.backends.cpu import CpuBackend
 from vibroimpact.backends.one_mass import OfOneMass
-from vibroimpact.backends.scalar import Limits, limits, outcomes, rows_of
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
 from vibroimpact.kernels.cell import RUNNING, Cell
@@ -64,7 +63,7 @@ class CudaBackend(OfOneMass):
             raise ValueError(f"back end 'cuda' cannot be used here: {what}; {remedy}")
 
     def _indices(self, cells: Cells, measurement: Measurement) -> Outcome:
-        rows, thorough = rows_of(cells), measurement.thorough
+        rows, thorough = scalar.rows_of(cells), measurement.thorough
         results = np.zeros((len(rows), len(THOROUGH if thorough else PLAIN)))
         ends = np.zeros(len(rows), dtype=np.int8)
         low = 0
@@ -72,13 +71,13 @@ class CudaBackend(OfOneMass):
             with _turns:
                 size, closers = _room(len(rows) - low)
                 part = slice(low, low + size)
-                tile = _Tile(rows[part], closers, measurement.impacts, limits(measurement.tolerances), thorough)
+                tile = _Tile(rows[part], closers, measurement.impacts, scalar.limits(measurement.tolerances), thorough)
                 results[part], ends[part] = tile.run(measurement.early_closing)
             low += size
-        return outcomes(results, ends, measurement.impacts)
+        return scalar.outcomes(results, ends, measurement.impacts)
 
     def _samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
-        return CpuBackend().samples(cells, measurement)
+        return scalar.samples(cells, measurement)
 
 
 def create() -> CudaBackend:
@@ -110,7 +109,7 @@ def _room(cells: int) -> tuple[int, int]:
 class _Tile:
     """Cells on the device, and the launches that take them to their ends."""
 
-    def __init__(self, rows: Floats, closers: int, window: ImpactWindow, tolerances: Limits, thorough: bool):
+    def __init__(self, rows: Floats, closers: int, window: ImpactWindow, tolerances: scalar.Limits, thorough: bool):
         from vibroimpact.kernels import device
 
         cuda = _numba_cuda()

@@ -69,8 +69,8 @@ class Run:
     def march_to(self, last: int, impacts: int = _ROOM) -> None:
         """March to a step, or until so many more impacts were recorded."""
         steps, velocities = np.empty(impacts, dtype=np.int64), np.empty(impacts)
-        self.y, self.v, self.step, found = march(self.law, self.y, self.v, self.step, last, steps, velocities)
-        self._keep(steps[:found], velocities[:found])
+        self.y, self.v, self.step, count = march(self.law, self.y, self.v, self.step, last, steps, velocities)
+        self._keep(steps[:count], velocities[:count])
 
     def fill(self, wanted: int) -> Status:
         """March until so many impacts are recorded; return OK, or why they never will be."""
@@ -86,14 +86,14 @@ class Run:
 
     def _look(self, steps: NDArray[np.int64]) -> Floats:
         """Return (y, y') at ascending steps; fewer rows if the scheme blows up."""
-        seen = np.empty((len(steps), 2))
+        states = np.empty((len(steps), 2))
         for i, step in enumerate(steps):
             while self.step < step and math.isfinite(self.y):
                 self.march_to(min(step, self.step + _MARCH))
             if not math.isfinite(self.y):
-                return seen[:i]
-            seen[i] = self.y, self.v
-        return seen
+                return states[:i]
+            states[i] = self.y, self.v
+        return states
 
     def times(self, steps: NDArray[np.int64]) -> tuple[Floats, Floats]:
         """Return whole periods and phase at steps."""
@@ -123,17 +123,17 @@ class Run:
 
     def indices(self, window: ImpactWindow) -> tuple[Samples, int, dict[str, float]]:
         """Return the samples of an impact window, the impacts recorded in all, and the indices of the kept ones."""
-        seen, computed = self.impacts(window)
-        return seen, computed, impact_indices(seen, self.loss) if Status(seen.status).has_indices else {}
+        samples, computed = self.impacts(window)
+        return samples, computed, impact_indices(samples, self.loss) if Status(samples.status).has_indices else {}
 
     def looks(self, window: StroboscopicWindow) -> Samples:
         """Return the samples of a stroboscopic window."""
         periods, phase = window.schedule(self.start.periods, self.start.phase)
         ahead = ((periods - self.start.periods) + (phase - self.start.phase)) * self.free.period
         at = np.rint(ahead / self.h).astype(np.int64)
-        seen = self._look(at)
-        status = Status.OK if len(seen) == window.keep else Status.BUDGET
-        return self._samples(self._impacts(), np.column_stack([*self.times(at[: len(seen)]), seen]), status)
+        states = self._look(at)
+        status = Status.OK if len(states) == window.keep else Status.BUDGET
+        return self._samples(self._impacts(), np.column_stack([*self.times(at[: len(states)]), states]), status)
 
     def _samples(self, impacts: Floats, looks: Floats, status: Status) -> Samples:
         last = astuple(self.state())
@@ -152,7 +152,7 @@ class FixedStepBackend(OneByOne):
     name = sampler = "fixed-step"
     known_indices = SAMPLE_INDICES
 
-    def __init__(self, time_step: float = TIME_STEP) -> None:
+    def __init__(self, time_step: float) -> None:
         self.time_step = time_step
 
     def run(self, cell: dict[str, float], tolerances: Tolerances) -> Run:

@@ -16,26 +16,28 @@ from vibroimpact.options import Tolerances
 SAMPLE_INDICES = VELOCITY_INDICES | {"dissipation", "impact_phase_spread"}
 
 
-def impact_indices(seen: Samples, loss: float) -> dict[str, float]:
+def impact_indices(samples: Samples, loss: float) -> dict[str, float]:
     """Return the indices that follow from kept impacts alone; an impact of speed v costs `loss` v^2, m (1 - r^2) v^2/2.
 
     The energy is what the impacts after the first one cost: they and the flights before them make up the span. The
     phases' spread is 1 - |mean of exp(2 pi i phase)|.
     """
-    velocity, last = seen.impact_velocity, len(seen.impact_velocity) - 1
+    velocity, last = samples.impact_velocity, len(samples.impact_velocity) - 1
     # Shifted by the first sample: nearly equal velocities keep the digits of their differences.
     shifted = velocity - velocity[0]
-    angle = 2.0 * math.pi * seen.impact_phase
-    found = {
+    angle = 2.0 * math.pi * samples.impact_phase
+    indices = {
         "std": float(np.std(shifted)),
         "mean_velocity": float(velocity[0] + shifted.mean()),
         "max_velocity": float(velocity.max()),
         "impact_phase_spread": max(1.0 - math.hypot(float(np.cos(angle).mean()), float(np.sin(angle).mean())), 0.0),
     }
     if last == 0:
-        return found
-    span = float((seen.impact_periods[-1] - seen.impact_periods[0]) + (seen.impact_phase[-1] - seen.impact_phase[0]))
-    return found | {
+        return indices
+    span = float(
+        (samples.impact_periods[-1] - samples.impact_periods[0]) + (samples.impact_phase[-1] - samples.impact_phase[0])
+    )
+    return indices | {
         "impacts_per_period": last / span,
         "dissipation": loss * float((velocity[1:] ** 2).sum()) / span,
     }
@@ -62,13 +64,13 @@ class OneByOne(OfOneMass):
     def _indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         rows = [self.run(cell, measurement.tolerances).indices(measurement.impacts) for cell in cells]
         table: Outcome = {
-            index.name: np.array([found.get(index.name, index.fill) for _, _, found in rows], dtype=index.dtype)
+            index.name: np.array([indices.get(index.name, index.fill) for _, _, indices in rows], dtype=index.dtype)
             for index in INDICES.values()
         }
         return table | {
-            "status": np.array([seen.status for seen, _, _ in rows], dtype=np.int8),
+            "status": np.array([samples.status for samples, _, _ in rows], dtype=np.int8),
             "impacts": np.array([impacts for _, impacts, _ in rows], dtype=np.int64),
-            "steps": np.array([seen.steps for seen, _, _ in rows], dtype=np.int64),
+            "steps": np.array([samples.steps for samples, _, _ in rows], dtype=np.int64),
         }
 
     def _samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:

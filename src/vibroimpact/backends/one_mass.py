@@ -25,7 +25,7 @@ from vibroimpact.backends.base import (
     StroboscopicWindow,
     SystemSamples,
     energy_loss,
-    told_apart,
+    with_stop_axis,
 )
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
@@ -49,12 +49,12 @@ def is_one_mass(cells: SystemCells) -> NDArray[np.bool_]:
     if (cells.shape.modes, cells.shape.stops) != (1, 1):
         return np.zeros(len(cells), bool)
     lacking = [(cells.block(name) == 0.0).all(axis=1) for name in _NONE_OF]
-    plain = (cells.block("force")[:, 2:] == 0.0).all(axis=1) & (cells["square"] > 0.0) & (cells["damping"] >= 0.0)
-    plain &= np.logical_and.reduce(lacking) & (cells["omega"] > 0.0) & np.isfinite(cells["omega"])
+    plain: NDArray[np.bool_] = np.logical_and.reduce(lacking) & (cells.block("force")[:, 2:] == 0.0).all(axis=1)
+    plain &= (cells["square"] > 0.0) & (cells["damping"] >= 0.0) & (cells["omega"] > 0.0) & np.isfinite(cells["omega"])
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = as_one_mass(cells)[0].velocity_scale
-        found: NDArray[np.bool_] = plain & (np.abs(scale - cells["scale"]) <= SAME * cells["scale"])
-    return found
+        plain &= np.abs(scale - cells["scale"]) <= SAME * cells["scale"]
+    return plain
 
 
 def served(cells: SystemCells, measurement: Measurement) -> NDArray[np.bool_]:
@@ -95,17 +95,19 @@ def samples(
     engine: Callable[[Cells, Measurement], list[Samples]],
 ) -> list[SystemSamples]:
     """Return the samples that the window takes of each cell, by an engine of one mass."""
-    alike, ahead = as_one_mass(cells)
+    oscillators, ahead = as_one_mass(cells)
     groups = np.zeros(len(cells))
     if isinstance(measurement.window, StroboscopicWindow) and measurement.window.phase is not None:
         groups = ahead  # each looks at a phase of its own
-    found: list[Any] = [None] * len(cells)
+    motions: list[Any] = [None] * len(cells)
     for group in np.unique(groups):
         rows = np.flatnonzero(groups == group)
-        sampled = engine(alike[rows], _shifted(measurement, float(group)))
-        for row, seen in zip(rows.tolist(), sampled, strict=True):
-            found[row] = _of_system(cells[row : row + 1], next(iter(alike[row : row + 1])), float(ahead[row]), seen)
-    return found
+        sampled = engine(oscillators[rows], _shifted(measurement, float(group)))
+        for row, motion in zip(rows.tolist(), sampled, strict=True):
+            motions[row] = _of_system(
+                cells[row : row + 1], next(iter(oscillators[row : row + 1])), float(ahead[row]), motion
+            )
+    return motions
 
 
 def _shifted(measurement: Measurement, ahead: float) -> Measurement:
@@ -115,7 +117,7 @@ def _shifted(measurement: Measurement, ahead: float) -> Measurement:
     return replace(measurement, window=replace(window, phase=(window.phase + ahead) % 1.0))
 
 
-def _of_system(cell: SystemCells, alike: dict[str, float], ahead: float, seen: Samples) -> SystemSamples:
+def _of_system(cell: SystemCells, oscillator: dict[str, float], ahead: float, motion: Samples) -> SystemSamples:
     """Return the samples of an oscillator as those of the system that it stands for."""
 
     def turned(periods: Any, phase: Any) -> tuple[Floats, Floats]:
@@ -129,32 +131,32 @@ def _of_system(cell: SystemCells, alike: dict[str, float], ahead: float, seen: S
         column: Floats = np.atleast_1d(y)[:, None] * towards
         return column
 
-    impacts, speed = turned(seen.impact_periods, seen.impact_phase), seen.impact_velocity
-    looks = turned(seen.look_periods, seen.look_phase)
+    impacts, speed = turned(motion.impact_periods, motion.impact_phase), motion.impact_velocity
+    looks = turned(motion.look_periods, motion.look_phase)
     zeros, none = np.zeros(len(speed)), np.full(len(speed), np.nan)
     return SystemSamples(
         impact_periods=impacts[0],
         impact_phase=impacts[1],
         impact_stop=zeros.astype(np.int64),
         impact_velocity=speed,
-        impact_impulse=alike["mass"] * (1.0 + alike["restitution"]) * speed,
-        impact_energy=energy_loss(alike["mass"], alike["restitution"]) * speed**2,
+        impact_impulse=oscillator["mass"] * (1.0 + oscillator["restitution"]) * speed,
+        impact_energy=energy_loss(oscillator["mass"], oscillator["restitution"]) * speed**2,
         impact_simultaneous=zeros > 0.0,
         impact_force=none,
         impact_duration=none,
         impact_depth=none,
         look_periods=looks[0],
         look_phase=looks[1],
-        look_displacement=coordinates(cell["gap"] - alike["gap"] + seen.look_displacement),
-        look_velocity=coordinates(seen.look_velocity),
-        rest_stop=np.zeros(len(seen.stick_phase), np.int64),
-        rest_begin=np.column_stack(turned(seen.stick_periods, seen.stick_phase)),
-        rest_end=np.column_stack(turned(seen.release_periods, seen.release_phase)),
-        status=seen.status,
-        steps=seen.steps,
-        last_displacement=coordinates(cell["gap"] - seen.last_clearance)[0],
-        last_velocity=coordinates(seen.last_velocity)[0],
-        last_phase=float(turned(seen.last_periods, seen.last_phase)[1]),
+        look_displacement=coordinates(cell["gap"] - oscillator["gap"] + motion.look_displacement),
+        look_velocity=coordinates(motion.look_velocity),
+        rest_stop=np.zeros(len(motion.stick_phase), np.int64),
+        rest_begin=np.column_stack(turned(motion.stick_periods, motion.stick_phase)),
+        rest_end=np.column_stack(turned(motion.release_periods, motion.release_phase)),
+        status=motion.status,
+        steps=motion.steps,
+        last_displacement=coordinates(cell["gap"] - motion.last_clearance)[0],
+        last_velocity=coordinates(motion.last_velocity)[0],
+        last_phase=float(turned(motion.last_periods, motion.last_phase)[1]),
     )
 
 
@@ -164,8 +166,8 @@ class OfOneMass(Backend):
     def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         """Return the indices, the status, the impacts computed and the certified steps of each cell."""
         self.check_takes(cells)
-        alike = as_one_mass(cells)[0] if isinstance(cells, SystemCells) else cells
-        return told_apart(self._indices(alike, measurement), measurement)
+        oscillators = as_one_mass(cells)[0] if isinstance(cells, SystemCells) else cells
+        return with_stop_axis(self._indices(oscillators, measurement), measurement)
 
     def samples(self, cells: Cells, measurement: Measurement) -> list[Any]:
         """Return the samples that the window takes of each cell."""

@@ -19,7 +19,7 @@ from vibroimpact.backends.base import (
     StroboscopicWindow,
     impacts_status,
     looks_status,
-    told_apart,
+    with_stop_axis,
 )
 from vibroimpact.cells import Cells
 from vibroimpact.indices import INDICES
@@ -43,7 +43,6 @@ ROOM = 4096  # rows of a buffer, which is emptied when it is full
 
 Window = ImpactWindow | StroboscopicWindow
 Limits = tuple[float, float, float]
-Seen = tuple[Floats, Floats, Floats]  # rows of impacts, looks and sticks
 
 
 def limits(tolerances: Tolerances) -> Limits:
@@ -76,12 +75,12 @@ def outcomes(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> O
     """Return the outcome of cells, from the columns that lanes hand out and why each cell ended."""
     full = ends == FILLED
     columns = dict(zip(THOROUGH, results.T, strict=False))
-    found = {
+    indices = {
         name: np.where(full, columns[name], index.fill).astype(index.dtype)
         for name, index in INDICES.items()
         if name in columns
     }
-    return found | {
+    return indices | {
         "status": statuses(columns, ends, window),
         "impacts": columns["counted"].astype(np.int64),
         "steps": columns["steps"].astype(np.int64),
@@ -95,8 +94,8 @@ def statuses(columns: dict[str, Floats], ends: NDArray[np.int8], window: ImpactW
         axis=1,
     )
     kinds, which = np.unique(ends.astype(np.int64) * 16 + flags @ (8, 4, 2, 1), return_inverse=True)
-    found = [_status(kind // 16, [bool(kind & bit) for bit in (8, 4, 2, 1)], window) for kind in kinds.tolist()]
-    return np.array(found, np.int8)[which]
+    decided = [_status(kind // 16, [bool(kind & bit) for bit in (8, 4, 2, 1)], window) for kind in kinds.tolist()]
+    return np.array(decided, np.int8)[which]
 
 
 def samples(cells: Cells, measurement: Measurement) -> list[Samples]:
@@ -110,32 +109,32 @@ def samples(cells: Cells, measurement: Measurement) -> list[Samples]:
     return [run.samples() for run in runs]
 
 
-def follow(cell: Cells, measurement: Measurement, seen: Measurement) -> tuple[Outcome, Samples]:
-    """Return the outcome of a sweep for one cell, and the samples that the window of `seen` takes, from one run.
+def follow(cell: Cells, measurement: Measurement, sampling: Measurement) -> tuple[Outcome, Samples]:
+    """Return the outcome of a sweep for one cell, and the samples that the window of `sampling` takes, from one run.
 
     Both agree bit for bit with those of two runs. The budgets may differ; `chatter`, on which the motion depends, must
     not.
     """
-    if seen.tolerances.chatter != measurement.tolerances.chatter:
+    if sampling.tolerances.chatter != measurement.tolerances.chatter:
         raise ValueError(
             "`chatter` must be the same for measuring and recording one run, got "
-            f"{measurement.tolerances.chatter:g} and {seen.tolerances.chatter:g}"
+            f"{measurement.tolerances.chatter:g} and {sampling.tolerances.chatter:g}"
         )
     sweep = Sweep(cell, measurement)
-    run = _Run(sweep.cells[0], seen.window, limits(seen.tolerances))
+    run = _Run(sweep.cells[0], sampling.window, limits(sampling.tolerances))
     sweep.follow(run)
     run.record()
     return sweep.outcome(slice(None)), run.samples()
 
 
 def _status(end: int, flags: list[bool], window: ImpactWindow) -> Status:
-    hit, stuck, short, added = flags
+    hit, stuck, short, closed = flags
     return window_status(
         sampled=window.keep if end == FILLED else 0,
         wanted=window.keep,
         stuck=stuck,
         periods=0.0 if short else math.inf,
-        ended=Status.CLOSED if added else ended_as(end, hit),
+        ended=Status.CLOSED if closed else ended_as(end, hit),
     )
 
 
@@ -164,14 +163,14 @@ class Sweep:
 
     def outcome(self, done: Counts | slice) -> Outcome:
         """Return the outcome of cells that have ended."""
-        return told_apart(outcomes(self.results[done], self.ends[done], self.window), self.measurement)
+        return with_stop_axis(outcomes(self.results[done], self.ends[done], self.window), self.measurement)
 
     def follow(self, run: _Run) -> None:
         """Measure the only cell, and record its run up to there, or to its own end."""
-        seat, facts, seen = _seat(len(self.cells)), self._facts(), Recorder(run.memory, *_room_for(run.window))
+        seat, facts, recorder = _seat(len(self.cells)), self._facts(), Recorder(run.memory, *_room_for(run.window))
         while self.ends[0] == RUNNING:
-            follow_cell(self.cells, self.results, self.ends, seat, *self._how, facts, seen)
-            run.keep(seen)
+            follow_cell(self.cells, self.results, self.ends, seat, *self._how, facts, recorder)
+            run.keep(recorder)
 
     def _facts(self) -> Floats | None:
         return np.zeros((LANES, FACTS)) if self.thorough else None
@@ -187,7 +186,7 @@ def _seat(cells: int) -> tuple[NDArray[Any], ...]:
 
 
 class _Run:
-    """A cell, its recorder's memory, and what was seen of it so far."""
+    """A cell, its recorder's memory, and what is recorded of it so far."""
 
     def __init__(self, row: Floats, window: Window, limits: Limits) -> None:
         self.cell, self.window = Cell(*row.tolist()), window
@@ -201,19 +200,19 @@ class _Run:
         begin(row, self.memory, numbers, (self.look_periods[0], self.look_phase[0]), limits)
         self.parts: list[list[Floats]] = []
 
-    def keep(self, seen: Recorder) -> None:
+    def keep(self, recorder: Recorder) -> None:
         """Empty the buffers."""
-        buffers = seen.impacts, seen.looks, seen.sticks
-        if seen.filled.any() or not self.parts:
-            self.parts.append([rows[:number].copy() for rows, number in zip(buffers, seen.filled, strict=True)])
-        seen.filled[:] = 0
+        buffers = recorder.impacts, recorder.looks, recorder.sticks
+        if recorder.filled.any() or not self.parts:
+            self.parts.append([rows[:number].copy() for rows, number in zip(buffers, recorder.filled, strict=True)])
+        recorder.filled[:] = 0
 
     def record(self) -> None:
         """Record the rest of the run."""
-        seen, trace = Recorder(self.memory, *_room_for(self.window)), np.empty((LOOK, TRACE))
+        recorder, trace = Recorder(self.memory, *_room_for(self.window)), np.empty((LOOK, TRACE))
         while self.memory[END] == RUNNING:
-            record(seen, trace, _LOOKS)
-            self.keep(seen)
+            record(recorder, trace, _LOOKS)
+            self.keep(recorder)
 
     def samples(self) -> Samples:
         """Return the samples, and keep them no longer."""
@@ -254,9 +253,9 @@ def _room_for(window: Window, *lanes: int) -> tuple[Floats, Floats, Floats, Coun
 def _record_in_lanes(runs: list[_Run]) -> None:
     """Record the runs in lanes; one that ends makes room for the next."""
     lanes, trace = aligned(CELL * LANES), np.zeros((LOOK, TRACE * LANES))
-    seen = Recorder(np.zeros((LANES, MEMORY)), *_room_for(runs[0].window, LANES))
-    seen.memory[:, END] = IDLE
-    rooms = seen.impacts.shape[1], seen.looks.shape[1], seen.sticks.shape[1]
+    recorder = Recorder(np.zeros((LANES, MEMORY)), *_room_for(runs[0].window, LANES))
+    recorder.memory[:, END] = IDLE
+    rooms = recorder.impacts.shape[1], recorder.looks.shape[1], recorder.sticks.shape[1]
     waiting = iter(runs)
     seated: dict[int, _Run] = {}
     while True:
@@ -264,15 +263,15 @@ def _record_in_lanes(runs: list[_Run]) -> None:
             run = next(waiting, None)
             if run is None:
                 break
-            seated[lane], seen.memory[lane] = run, run.memory
+            seated[lane], recorder.memory[lane] = run, run.memory
         if not seated:
             return
-        record_lanes(lanes, trace, seen, _LOOKS)
-        halted = (seen.memory[:, END] != RUNNING) | (seen.filled == rooms).any(axis=1)
+        record_lanes(lanes, trace, recorder, _LOOKS)
+        halted = (recorder.memory[:, END] != RUNNING) | (recorder.filled == rooms).any(axis=1)
         for lane, run in [(lane, run) for lane, run in seated.items() if halted[lane]]:
-            run.keep(Recorder(*(part[lane] for part in seen)))
-            if seen.memory[lane, END] != RUNNING:
-                run.memory = seen.memory[lane].copy()
+            run.keep(Recorder(*(part[lane] for part in recorder)))
+            if recorder.memory[lane, END] != RUNNING:
+                run.memory = recorder.memory[lane].copy()
                 del seated[lane]
 
 

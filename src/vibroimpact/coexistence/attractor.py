@@ -112,9 +112,9 @@ class Attractor:
         return self.motion.name
 
 
-def distinct_names(found: Sequence[Attractor]) -> list[str]:
+def distinct_names(attractors: Sequence[Attractor]) -> list[str]:
     """Return the attractors' names, followed by a letter where several share one."""
-    names = [attractor.name for attractor in found]
+    names = [attractor.name for attractor in attractors]
     return [
         f"{name} {_letters(names[:at].count(name))}" if names.count(name) > 1 else name for at, name in enumerate(names)
     ]
@@ -132,20 +132,20 @@ def settled_impacts(runner: Runner, settled: Settled, at: int, longest: ImpactWi
     if settled.kind[at] == MotionClass.PERIODIC:
         # The impacts that closed the cycle brought it within 1e-10 V; as many again leave only rounding.
         return _from_hardest(_impacts(runner, cell, ImpactWindow(2 * computed, settled[at].n_impacts)))
-    seen = _impacts(runner, cell, longest)
-    if len(seen.velocities) == longest.keep:
-        return seen
+    sample = _impacts(runner, cell, longest)
+    if len(sample.velocities) == longest.keep:
+        return sample
     return _impacts(runner, cell, ImpactWindow(0, computed // 2))  # it ended later on, but not within its own window
 
 
 def _impacts(runner: Runner, cell: Cells, window: ImpactWindow) -> Impacts:
-    (seen,) = runner.samples(cell, window)
-    return Impacts(seen.impact_phase, seen.impact_velocity)
+    (samples,) = runner.samples(cell, window)
+    return Impacts(samples.impact_phase, samples.impact_velocity)
 
 
-def _from_hardest(seen: Impacts) -> Impacts:
-    shift = -int(np.argmax(seen.velocities))
-    return Impacts(np.roll(seen.phases, shift), np.roll(seen.velocities, shift))
+def _from_hardest(impacts: Impacts) -> Impacts:
+    shift = -int(np.argmax(impacts.velocities))
+    return Impacts(np.roll(impacts.phases, shift), np.roll(impacts.velocities, shift))
 
 
 def same_chaos(one: Impacts, other: Impacts) -> bool:
@@ -158,13 +158,13 @@ def same_chaos(one: Impacts, other: Impacts) -> bool:
     return bool(np.minimum(*parts).sum() > SHARED)
 
 
-def attractor_of(settled: Settled, at: int, members: Counts, seen: Impacts) -> Attractor:
+def attractor_of(settled: Settled, at: int, members: Counts, impacts: Impacts) -> Attractor:
     """Return the cycle or the chaos that initial condition `at` and other members lead to, from its settled impacts."""
     chaotic = settled.kind[at] == MotionClass.CHAOTIC
     sample = members if chaotic else [at]
     exponent, loss = (float(settled.indices[name][sample].mean()) for name in ("lyapunov", "dissipation"))
-    start = State(settled.osc.gap, float(seen.velocities[0]), float(seen.phases[0]) * settled.osc.period)
-    return _attractor(settled[at], seen, None if chaotic else seen, start, exponent, loss)
+    start = State(settled.osc.gap, float(impacts.velocities[0]), float(impacts.phases[0]) * settled.osc.period)
+    return _attractor(settled[at], impacts, None if chaotic else impacts, start, exponent, loss)
 
 
 def sticking_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
@@ -174,12 +174,12 @@ def sticking_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
         impacts, loss = _turns(runner, osc)
         start = State(osc.gap, 0.0, release_phase(*osc.cells({})) * osc.period)
         return _attractor(one, impacts, None, start, -math.inf, loss)
-    (seen,) = runner.samples(AT_REST.cell(osc), StroboscopicWindow(0, one.n_periods + 2))
-    release = seen.release_periods + seen.release_phase
-    time = seen.impact_periods + seen.impact_phase
+    (samples,) = runner.samples(AT_REST.cell(osc), StroboscopicWindow(0, one.n_periods + 2))
+    release = samples.release_periods + samples.release_phase
+    time = samples.impact_periods + samples.impact_phase
     turn = (time > release[0]) & (time < release[0] + one.n_periods)
-    impacts = Impacts(seen.impact_phase[turn], seen.impact_velocity[turn])
-    start = State(osc.gap, 0.0, float(seen.release_phase[0]) * osc.period)
+    impacts = Impacts(samples.impact_phase[turn], samples.impact_velocity[turn])
+    start = State(osc.gap, 0.0, float(samples.release_phase[0]) * osc.period)
     return _attractor(one, impacts, _from_hardest(impacts), start, -math.inf, one.indices["dissipation"])
 
 
@@ -189,12 +189,12 @@ def _turns(runner: Runner, osc: ImpactOscillator) -> tuple[Impacts, float]:
     One turn from the exact release would be an accident of rounding.
     """
     phases, velocities, periods = [], [], 0.0
-    for seen in runner.samples(released(osc.cells({})), ImpactWindow(0, WANDERING)):
-        time = seen.impact_periods + seen.impact_phase
-        rested = len(seen.stick_phase) > 0 and math.isfinite(seen.release_phase[0])
-        end = seen.release_periods[0] + seen.release_phase[0] if rested else time[-1]
-        phases.append(seen.impact_phase[time <= end])
-        velocities.append(seen.impact_velocity[time <= end])
+    for samples in runner.samples(released(osc.cells({})), ImpactWindow(0, WANDERING)):
+        time = samples.impact_periods + samples.impact_phase
+        rested = len(samples.stick_phase) > 0 and math.isfinite(samples.release_phase[0])
+        end = samples.release_periods[0] + samples.release_phase[0] if rested else time[-1]
+        phases.append(samples.impact_phase[time <= end])
+        velocities.append(samples.impact_velocity[time <= end])
         periods += float(end) - release_phase(*osc.cells({}))
     impacts = Impacts(np.concatenate(phases), np.concatenate(velocities))
     loss = energy_loss(osc.mass, osc.restitution) * float((np.asarray(impacts.velocities) ** 2).sum()) / periods
@@ -234,20 +234,21 @@ def quiet_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
     return Attractor(kind=one.kind, status=one.status, start=start)
 
 
-def of_system(system: ImpactSystem, one: Measured, seen: systems.Seen) -> Attractor:
+def of_system(system: ImpactSystem, one: Measured, motion: systems.SettledMotion) -> Attractor:
     """Return the attractor of a system from its cycle, or a sample of it."""
     repeats = one.n_periods > 0
-    n, p = (int(seen.whole), one.n_impacts if one.n_impacts < 0 else len(seen.stops)) if repeats else (0, 0)
-    found = _attractor(
+    n, p = (int(motion.periods), one.n_impacts if one.n_impacts < 0 else len(motion.stops)) if repeats else (0, 0)
+    impacts = Impacts(motion.phases, motion.velocities)
+    attractor = _attractor(
         replace(one, n_periods=n, n_impacts=p),
-        Impacts(seen.phases, seen.velocities),
-        Impacts(seen.phases, seen.velocities) if repeats else None,
-        seen.start,
-        seen.orbit.lyapunov if seen.orbit else one.indices["lyapunov"],
-        seen.energy,
+        impacts,
+        impacts if repeats else None,
+        motion.start,
+        motion.orbit.lyapunov if motion.orbit else one.indices["lyapunov"],
+        motion.energy,
     )
-    names = tuple(system.stop_names[stop] for stop in seen.stops) if repeats else ()
-    return replace(found, stops=names, orbit=seen.orbit)
+    names = tuple(system.stop_names[stop] for stop in motion.stops) if repeats else ()
+    return replace(attractor, stops=names, orbit=motion.orbit)
 
 
 @dataclass(frozen=True)
@@ -260,27 +261,27 @@ class Basin:
 
 def match(runner: Runner, settled: Settled, longest: ImpactWindow, counted: int) -> list[Basin]:
     """Return the attractors, the one with the largest share of the first `counted` initial conditions first."""
-    basins = _by_indices if settled.osc.forgets else _by_impacts
+    striking = _by_indices if settled.osc.forgets else _by_impacts
     quiet = [np.flatnonzero(settled.kind == kind) for kind in QUIET]
-    found = [
-        *basins(runner, settled, longest),
+    basins = [
+        *striking(runner, settled, longest),
         *(Basin(quiet_attractor(runner, settled, int(members[0])), members) for members in quiet if members.size),
     ]
-    found = [replace(basin, attractor=_reached(basin, settled, counted)) for basin in found]
-    return sorted(found, key=lambda b: (-b.attractor.share, b.attractor.name, -b.attractor.max_velocity))
+    basins = [replace(basin, attractor=_reached(basin, settled, counted)) for basin in basins]
+    return sorted(basins, key=lambda b: (-b.attractor.share, b.attractor.name, -b.attractor.max_velocity))
 
 
 def _by_impacts(runner: Runner, settled: Settled, longest: ImpactWindow) -> Iterator[Basin]:
     """Yield what strikes stops: cycles by their impacts, and one of each kind of what does not repeat."""
-    for at, seen, members in systems.cycles(runner, settled):
-        yield Basin(of_system(settled.osc, settled[at], seen), members)
+    for at, motion, members in systems.cycles(runner, settled):
+        yield Basin(of_system(settled.osc, settled[at], motion), members)
     endless = settled.indices["n_periods"] == 0
     for kind in MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC, MotionClass.STICKING:
         members = np.flatnonzero((settled.kind == kind) & endless)
         if members.size:
             at = int(members[0])
-            seen = systems.sample(runner, settled, at, longest)
-            yield Basin(of_system(settled.osc, settled[at], seen), members)
+            motion = systems.sample(runner, settled, at, longest)
+            yield Basin(of_system(settled.osc, settled[at], motion), members)
 
 
 def _by_indices(runner: Runner, settled: Settled, longest: ImpactWindow) -> Iterator[Basin]:
@@ -326,17 +327,17 @@ def _cycles(settled: Settled) -> Iterator[list[Counts]]:
 
 def _joined(runner: Runner, settled: Settled, groups: Sequence[Counts], longest: ImpactWindow) -> Iterator[Basin]:
     """Follow one initial condition of each group, join the groups that it shows to be one, and describe them."""
-    known: list[tuple[int, Impacts, list[Counts]]] = []
+    distinct: list[tuple[int, Impacts, list[Counts]]] = []
     for group in groups:
         at = int(group[settled.indices["impacts"][group].argmin()])  # the one that settled first
         chaotic = settled.kind[at] == MotionClass.CHAOTIC
-        seen = settled_impacts(runner, settled, at, longest)
-        for _, other, members in known:
-            if same_chaos(seen, other) if chaotic else same_orbit(seen, other, tolerance=SAME):
+        impacts = settled_impacts(runner, settled, at, longest)
+        for _, other, members in distinct:
+            if same_chaos(impacts, other) if chaotic else same_orbit(impacts, other, tolerance=SAME):
                 members.append(group)
                 break
         else:
-            known.append((at, seen, [group]))
-    for at, seen, joined in known:
+            distinct.append((at, impacts, [group]))
+    for at, impacts, joined in distinct:
         together = np.sort(np.concatenate(joined))
-        yield Basin(attractor_of(settled, at, together, seen), together)
+        yield Basin(attractor_of(settled, at, together, impacts), together)

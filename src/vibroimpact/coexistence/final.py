@@ -43,7 +43,7 @@ class Final:
     measured : Measured
         The final motion with every index: of a cycle those of the cycle alone.
     samples : Samples
-        What the window that was asked for sees of it.
+        Those that the wanted window takes of it.
     watched : int
         Impacts after which it was certain, or over which it was watched in vain for an end of its irregularity.
     before : Measured or None
@@ -59,22 +59,22 @@ class Final:
     ends: dict[str, int] = field(default_factory=dict)
 
 
-def final_motion(runner: Runner, cell: Cells, seen: ImpactWindow) -> Final:
+def final_motion(runner: Runner, cell: Cells, sample_window: ImpactWindow) -> Final:
     """Follow one cell to its final motion, for up to 1e5 impacts where it does not repeat before.
 
     What is certain within the paper's 5100 impacts is computed once.
     """
-    first, samples = runner.record(cell, seen)
-    if first.motion_class.hits and first.n_periods and first.impacts > seen.transient:  # what was seen came before
-        (samples,) = runner.samples(cell, replace(seen, transient=first.impacts))
+    first, samples = runner.record(cell, sample_window)
+    if first.motion_class.hits and first.n_periods and first.impacts > sample_window.transient:  # sampled too early
+        (samples,) = runner.samples(cell, replace(sample_window, transient=first.impacts))
     final = Final(first, samples, first.impacts)
     if irregular(first) and not rests(first):
-        final = _watched(runner, cell, seen)
+        final = _watched(runner, cell, sample_window)
         if final.measured.name == first.name or final.measured.status == Status.BUDGET:
             # The indices stay those of a map.
             final = Final(first, samples, final.watched)
     if irregular(final.measured) and rests(final.measured):
-        final = _released(runner, cell, seen, final)
+        final = _released(runner, cell, sample_window, final)
     return final if final.measured.name == first.name else replace(final, before=first)
 
 
@@ -99,8 +99,8 @@ def release_phase(design: Mapping[str, float]) -> float:
 def released(cell: Cells, number: int = 0) -> Cells:
     """Return so many releases of the mass, moved by up to 1e-11 V; others for each `number`."""
     (design,) = cell
-    held = abs(design["stiffness"] * design["gap"])
-    scale = max(design["amplitude"], held) / math.sqrt(design["stiffness"] * design["mass"])
+    preload = abs(design["stiffness"] * design["gap"])
+    scale = max(design["amplitude"], preload) / math.sqrt(design["stiffness"] * design["mass"])
     share = (np.arange(RELEASES) + 1.0 / (number + 1.0)) / RELEASES
     many = Cells(np.repeat(cell.table, RELEASES, axis=0), cell.columns)
     return many.replace(clearance=0.0, velocity=-MOVED * scale * share, periods=0.0, phase=release_phase(design))
@@ -137,27 +137,27 @@ def fate_of_release(runner: Runner, cell: Cells) -> Fate:
 
 def _fate(runner: Runner, cell: Cells) -> Fate:
     """Follow moved releases until some lead elsewhere than to the next rest, or all were watched for long enough."""
-    found: Counter[str] = Counter()
+    names: Counter[str] = Counter()
     impacts, tried, passing = 0, 0, 0.0
     while True:
         cells = Cells.join([released(cell, number) for number in range(tried, 2 * tried + 1)])
         ends = runner.measure(cells, LATE, thrifty(runner), tuple(INDICES))
-        found.update(end.name for end in ends)
+        names.update(end.name for end in ends)
         impacts += sum(end.impacts for end in ends)
         tried = 2 * tried + 1  # twice as many releases each time
         resting = [irregular(end) and rests(end) for end in ends]
         passing = max(passing, *(end.hardest for end, rest in zip(ends, resting, strict=True) if rest), 0.0)
-        left = [end for end, rest in zip(ends, resting, strict=True) if not rest and end.status != Status.BUDGET]
-        if left or impacts >= TURNS * WATCHED or not any(resting) or runner.stop.is_set():
+        elsewhere = [end for end, rest in zip(ends, resting, strict=True) if not rest and end.status != Status.BUDGET]
+        if elsewhere or impacts >= TURNS * WATCHED or not any(resting) or runner.stop.is_set():
             break
-    name, _ = Counter(end.name for end in left or ends).most_common(1)[0]
+    name, _ = Counter(end.name for end in elsewhere or ends).most_common(1)[0]
     at = next(at for at, end in enumerate(ends) if end.name == name)
     end = ends[at]
-    if not left and rests(end):  # also where the turn from the exact release was given up as too long
+    if not elsewhere and rests(end):  # also where the turn from the exact release was given up as too long
         indices = end.indices | {"n_periods": 0.0, "n_impacts": -1.0}
         end = replace(end, kind=MotionClass.STICKING.word, n_periods=0, n_impacts=-1, indices=indices)
     watched = impacts // TURNS
-    return Fate(cells[at : at + 1], end, dict(found), watched, watched // max(len(left), 1), passing)
+    return Fate(cells[at : at + 1], end, dict(names), watched, watched // max(len(elsewhere), 1), passing)
 
 
 def thrifty(runner: Runner) -> Tolerances:
@@ -165,21 +165,21 @@ def thrifty(runner: Runner) -> Tolerances:
     return replace(runner.tolerances, steps_per_impact=min(runner.tolerances.steps_per_impact, THRIFT))
 
 
-def _watched(runner: Runner, cell: Cells, seen: ImpactWindow) -> Final:
+def _watched(runner: Runner, cell: Cells, sample_window: ImpactWindow) -> Final:
     """Return the motion of a cell over 1e5 impacts, and a cycle that it is on by then, with that cycle's indices."""
-    last = ImpactWindow(WATCHED - seen.keep, seen.keep)
+    last = ImpactWindow(WATCHED - sample_window.keep, sample_window.keep)
     measured, samples = runner.record(cell, last, LATE, thrifty(runner))
     watched, end = measured.impacts, last_of(samples)
     if measured.motion_class.hits and measured.n_periods and end is not None:
-        measured, samples = runner.record(cell.replace(**end._asdict()), seen)
+        measured, samples = runner.record(cell.replace(**end._asdict()), sample_window)
     return Final(measured, samples, watched)
 
 
-def _released(runner: Runner, cell: Cells, seen: ImpactWindow, resting: Final) -> Final:
+def _released(runner: Runner, cell: Cells, sample_window: ImpactWindow, resting: Final) -> Final:
     """Return the attractor of a motion whose next rest is an accident of rounding."""
     fate = fate_of_release(runner, cell)
     if irregular(fate.end) and rests(fate.end):
         measured = resting.measured if resting.measured.name == fate.end.name else fate.end
         return replace(resting, measured=measured, watched=fate.watched, ends=fate.ends)
-    final = _watched(runner, fate.cell, seen)
+    final = _watched(runner, fate.cell, sample_window)
     return replace(final, watched=resting.watched + final.watched, ends=fate.ends)

@@ -13,18 +13,20 @@ from vibroimpact.model.system import ImpactSystem
 
 APART = ROUNDING**0.5  # half of the digits: of unit vectors, a smaller product is 0
 
+Design = ImpactOscillator | ImpactSystem  # a model at some values of its parameters
+
 
 def driven(form: ModalForm) -> bool:
     """Return whether a force or a stop that moves does work on a system, beside its free centre."""
     return bool(form.forces[:, ~form.neutral[1]].any() or form.motions.any())
 
 
-def attracts(osc: ImpactOscillator | ImpactSystem) -> bool:
+def attracts(osc: Design) -> bool:
     """Return whether impacts or damping shrink areas, without which nothing is attracted."""
     return not (osc.stops and lasting_stops(osc).all())
 
 
-def lasting_stops(osc: ImpactOscillator | ImpactSystem) -> NDArray[np.bool_]:
+def lasting_stops(osc: Design) -> NDArray[np.bool_]:
     r"""Return which stops can be struck for ever without any loss.
 
     They take no energy, and neither does the damping, S = (D + D^T)/2 in mass-normalised modes, of what impulses on
@@ -55,8 +57,8 @@ def _rows(matrix: Floats, kept: bool) -> Floats:
     """Return orthonormal rows that span those of a matrix, or all that is normal to them."""
     _, sizes, rows = np.linalg.svd(matrix)
     rank = int((sizes > APART).sum())
-    found: Floats = rows[:rank] if kept else rows[rank:]
-    return found
+    span: Floats = rows[:rank] if kept else rows[rank:]
+    return span
 
 
 def rest_is_contact(form: ModalForm) -> bool:

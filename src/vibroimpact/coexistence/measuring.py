@@ -17,8 +17,6 @@ from vibroimpact.backends.scalar import expected_steps, outlast
 from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State
-from vibroimpact.model.oscillator import ImpactOscillator
-from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import Motion, MotionClass, decide
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.search import stable_orbits
@@ -27,11 +25,12 @@ from vibroimpact.parameters import invalid
 from vibroimpact.status import Status
 
 SPREAD = 256  # initial conditions where none are given
-KNOWN_PERIODS = 16  # of orbits with one impact that are tried besides
+ONE_IMPACT_PERIODS = 16  # up to which orbits of one impact are tried besides
 PAPER = ImpactWindow(100, 5000)
 HARDLY_EVER = 64  # periods: chaos in which the mass rests now and then is, strictly, a long sticking cycle
-ASKED, PARTS = 16, 8  # cells, a block of lanes, and parts of a limit, after which one asks how it goes
-COUNTED = ("impacts", "steps")
+PROBES = 16  # cells, a block of lanes, that are tried first where all may exceed their budget
+PARTS = 8  # of a limit of steps, after each of which it is checked
+EQUAL = 1e-9  # relative: speeds, impulses, shares and sums of lengths that differ by less are equal
 QUIET = (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER, MotionClass.AT_REST)
 IDENTIFYING = (  # indices that name a motion and, with what `Cells.parting` adds, part attractors
     "mean_velocity",
@@ -80,14 +79,9 @@ def spread_cells(cell: Cells, number: int = SPREAD) -> Cells:
     return cell.copies(number).struck(np.arange(number))
 
 
-def orbit_cells(osc: ImpactOscillator | ImpactSystem) -> list[Cells]:
+def orbit_cells(osc: Model) -> list[Cells]:
     """Return an impact of each stable, admissible orbit of one impact in up to 16 periods: all are known exactly."""
-    return [orbit_cell(osc, orbit) for n in range(1, KNOWN_PERIODS + 1) for orbit in stable_orbits(osc, n)]
-
-
-def orbit_cell(osc: ImpactOscillator | ImpactSystem, orbit: Any) -> Cells:
-    """Return the cell of a design that starts on one of its orbits."""
-    return carried(osc, orbit.start)
+    return [carried(osc, orbit.start) for n in range(1, ONE_IMPACT_PERIODS + 1) for orbit in stable_orbits(osc, n)]
 
 
 def carried(osc: Any, start: State) -> Cells:
@@ -174,28 +168,29 @@ class Runner:
     def sweep(self, cells: Cells, wanted: Measurement) -> Iterator[tuple[Counts | slice, Outcome]]:
         """Yield which cells have ended, and what was wanted of them, and count their steps.
 
-        Where no flight of any of them seems short enough for its budget, some are asked first, spread over all: if none
+        Where no flight of any of them seems short enough for its budget, some are tried first, spread over all: if none
         of these comes to an end, neither do the others.
         """
         number, dearest = len(cells), float(expected_steps(cells, wanted.impacts).max(initial=1.0))
-        doubtful = number > ASKED and outlast(cells, wanted)
-        size = max(int(min(self.most / PARTS / dearest, number)), 2 * ASKED)
-        order = np.argsort(np.arange(number) % (number // ASKED), kind="stable") if doubtful else np.arange(number)
+        doubtful = number > PROBES and outlast(cells, wanted)
+        size = max(int(min(self.most / PARTS / dearest, number)), 2 * PROBES)
+        order = np.argsort(np.arange(number) % (number // PROBES), kind="stable") if doubtful else np.arange(number)
         lost: Outcome = {}
-        cuts = [ASKED, *range(ASKED + size, number, size)] if doubtful else range(size, number, size)
+        cuts = [PROBES, *range(PROBES + size, number, size)] if doubtful else range(size, number, size)
         for part in np.split(order, cuts):
             if self.steps >= self.most:
                 raise SpentError
             if lost:
                 yield part, {name: np.repeat(column, len(part)) for name, column in lost.items()}
                 continue
-            ended, own = 0, cells if len(part) == number else cells[part]
-            for which, outcome in run_sweep(self.engine, own, wanted, self.workers, self.stop):
+            ended, batch = 0, cells if len(part) == number else cells[part]
+            for which, outcome in run_sweep(self.engine, batch, wanted, self.workers, self.stop):
                 self.steps += int(outcome["steps"].sum())
                 ended += int(np.count_nonzero(outcome["status"] != Status.BUDGET))
                 yield part[which], outcome
             if doubtful and not ended and not self.stop.is_set():
-                lost = {name: column[:1] for name, column in outcome.items()} | dict.fromkeys(COUNTED, np.zeros(1, int))
+                counted = dict.fromkeys(("impacts", "steps"), np.zeros(1, int))
+                lost = {name: column[:1] for name, column in outcome.items()} | counted
 
     def measure(
         self,
@@ -208,21 +203,25 @@ class Runner:
         self.measured += len(cells)
         table = {name: np.full(len(cells), np.nan) for name in (*names, "status")}
         table["impacts"] = np.zeros(len(cells))
-        for which, found in self.sweep(
+        for which, outcome in self.sweep(
             cells, Measurement(window, tolerances or self.tolerances, indices=names, firsts=True)
         ):
             for name, column in table.items():
-                column[which] = found[name]
+                column[which] = outcome[name]
         return _measured(table, window, names, winds=cells.coordinates > 1)
 
     def record(
-        self, cell: Cells, seen: ImpactWindow, window: ImpactWindow = PAPER, tolerances: Tolerances | None = None
+        self,
+        cell: Cells,
+        sample_window: ImpactWindow,
+        window: ImpactWindow = PAPER,
+        tolerances: Tolerances | None = None,
     ) -> tuple[Measured, Samples]:
-        """Return the motion of one cell as `measure` does, and what the window `seen` sees of it, from one run."""
+        """Return the motion of one cell as `measure` does, and the samples of another window, from one run."""
         self.measured += 1
         limits = tolerances or self.tolerances
         wanted = Measurement(window, limits, indices=tuple(INDICES))
-        outcome, samples = self.engine.follow(cell, wanted, Measurement(seen, limits))
+        outcome, samples = self.engine.follow(cell, wanted, Measurement(sample_window, limits))
         self.steps += int(outcome["steps"].sum())
         return _measured(outcome, window, tuple(INDICES))[0], samples
 
@@ -236,19 +235,19 @@ class Runner:
             flight_periods=max(self.tolerances.flight_periods, usual.flight_periods),
             steps_per_impact=max(self.tolerances.steps_per_impact, usual.steps_per_impact),
         )
-        found = self.engine.samples(cells, Measurement(window, patient, firsts=True))
-        self.steps += sum(seen.steps for seen in found)
-        return found
+        samples = self.engine.samples(cells, Measurement(window, patient, firsts=True))
+        self.steps += sum(sample.steps for sample in samples)
+        return samples
 
     def follow(self, cells: Cells, impacts: int = 300) -> list[Start | None]:
         """Return the state of each motion after so many impacts, or None where it could not be followed."""
-        return [last_of(seen) for seen in self.samples(cells, ImpactWindow(impacts, 1))]
+        return [last_of(sample) for sample in self.samples(cells, ImpactWindow(impacts, 1))]
 
 
-def last_of(seen: Samples) -> Start | None:
+def last_of(samples: Samples) -> Start | None:
     """Return the state in which a recorded motion ended, or None where it could not be followed."""
-    last = Start(max(seen.last_clearance, 0.0), seen.last_velocity, seen.last_phase)
-    return last if seen.status != Status.BUDGET and all(map(math.isfinite, last)) else None
+    last = Start(max(samples.last_clearance, 0.0), samples.last_velocity, samples.last_phase)
+    return last if samples.status != Status.BUDGET and all(map(math.isfinite, last)) else None
 
 
 def _measured(table: Outcome, window: ImpactWindow, names: Sequence[str], *, winds: bool = False) -> list[Measured]:

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.backends import Cells
 from vibroimpact.cells import Floats
-from vibroimpact.coexistence.measuring import carried
 from vibroimpact.dataset import impact_speed, variable
 from vibroimpact.model import State, check_model, one_start
 from vibroimpact.parameters import Parameter, choice, invalid, phase_number, unknown
@@ -31,7 +29,7 @@ class Plane:
     the number of the stop that is struck.
     """
 
-    model: Any  # an ImpactOscillator or an ImpactSystem
+    model: Any  # a `Design`
     axes: Mapping[str, Floats]
     struck: bool
     phase: float
@@ -65,39 +63,35 @@ class Plane:
             )
         return cells
 
-    def cell(self, start: State) -> Cells:
-        """Return the cell of the model that starts so."""
-        return carried(self.model, start)
-
-    def seen(self, seen: Any) -> dict[str, Floats]:
+    def points(self, samples: Any) -> dict[str, Floats]:
         """Return the points of a sampled motion in the plane, by axis."""
         if self.struck:
-            here = seen.impact_stop == self.stop
-            return {axis: getattr(seen, f"impact_{axis}")[here] for axis in self.axes}
-        found = {}
+            on_stop = samples.impact_stop == self.stop
+            return {axis: getattr(samples, f"impact_{axis}")[on_stop] for axis in self.axes}
+        points = {}
         for axis in self.axes:
             kind, _, at = axis.partition("_")
-            values = getattr(seen, f"look_{kind}")
-            found[axis] = values[:, int(at or 0)] if values.ndim > 1 else values
-        return found
+            values = getattr(samples, f"look_{kind}")
+            points[axis] = values[:, int(at or 0)] if values.ndim > 1 else values
+        return points
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of a plane beside its axes."""
-        found: dict[str, Any] = {}
+        arguments: dict[str, Any] = {}
         if self.struck and len(self.model.stops) > 1:
-            found["stop"] = self.model.stop_names[self.stop]
+            arguments["stop"] = self.model.stop_names[self.stop]
         if self.start is not None:
-            found["others"] = str(self.start)
+            arguments["others"] = str(self.start)
             if not self.struck and "phase" not in self.axes:
-                found["phase"] = self.phase
-        return found
+                arguments["phase"] = self.phase
+        return arguments
 
     def note(self) -> dict[str, str]:
         """Return the words of a title on the plane beside its axes."""
-        said = [f"impacts on {self.model.stop_names[self.stop]}"] if self.struck and len(self.model.stops) > 1 else []
+        parts = [f"impacts on {self.model.stop_names[self.stop]}"] if self.struck and len(self.model.stops) > 1 else []
         if self.start is not None and self.model.coordinates > 1:
-            said.append(f"others of q = {_listed(self.start.displacement)} m, q' = {_listed(self.start.velocity)} m/s")
-        return {"note": ", ".join(said)} if said else {}
+            parts.append(f"others of q = {_listed(self.start.displacement)} m, q' = {_listed(self.start.velocity)} m/s")
+        return {"note": ", ".join(parts)} if parts else {}
 
     def labelled(self, axis: str, dims: Any, values: Floats) -> xr.Variable:
         """Return values along an axis, labelled."""
@@ -117,25 +111,25 @@ def _listed(numbers: Any) -> str:
 def plane_of(model: Any, axes: Mapping[str, Any], stop: str | None, start: State | None) -> Plane:
     """Return the plane that two axes span, checked."""
     check_model(model)
-    made, given, phase = model.at(), dict(axes), 0.0
-    n = made.coordinates
+    design, spanned, phase = model.at(), dict(axes), 0.0
+    n = design.coordinates
     names = [*_SIZES] if n == 1 else [f"{kind}_{at}" for at in range(n) for kind in _SIZES]
-    known = [*names, *(["velocity"] if n > 1 else []), "phase"]
+    coordinates = [*names, *(["velocity"] if n > 1 else []), "phase"]
     for name in axes:
-        if name not in known:
-            raise unknown("coordinate", name, known)
-    if (begun := one_start(start)) is not None:
-        phase = begun.time / made.period % 1.0
-        _numbers(begun, n)
-    if set(given) & set(names) - {"velocity"} and np.ndim(given.get("phase", ())) == 0:
-        phase = phase_number("phase", given.pop("phase"))
-    struck = set(given) == {"phase", "velocity"}
-    states = len(given) == 2 and set(given) <= {*names, "phase"} and (n > 1 or "phase" not in given)
+        if name not in coordinates:
+            raise unknown("coordinate", name, coordinates)
+    if (state := one_start(start)) is not None:
+        phase = state.time / design.period % 1.0
+        _numbers(state, n)
+    if set(spanned) & set(names) - {"velocity"} and np.ndim(spanned.get("phase", ())) == 0:
+        phase = phase_number("phase", spanned.pop("phase"))
+    struck = set(spanned) == {"phase", "velocity"}
+    states = len(spanned) == 2 and set(spanned) <= {*names, "phase"} and (n > 1 or "phase" not in spanned)
     if not struck and not states:
         got = ", ".join(f"`{name}`" for name in axes) or "no axis"
         raise ValueError(f"the axes must be {_pairs(n)}, got {got}; name both, such as `phase` and `velocity`")
-    number = _number_of(made.stop_names, stop, struck)
-    return Plane(made, check_axes(given, _coordinates(names, struck)), struck, phase, begun, number)
+    number = _number_of(design.stop_names, stop, struck)
+    return Plane(design, check_axes(spanned, _coordinates(names, struck)), struck, phase, state, number)
 
 
 def _pairs(n: int) -> str:
@@ -159,8 +153,8 @@ def _coordinates(names: Sequence[str], struck: bool) -> dict[str, Parameter]:
     velocity = Parameter("velocity", "velocity")
     if struck:
         velocity = Parameter("velocity", "velocity", low=0.0, hint="an impact has velocity > 0, a mass at rest 0")
-    found = {name: Parameter(name, name) for name in names} | {"velocity": velocity}
-    return found | {"phase": Parameter("phase", "phase", low=0.0, high=1.0, hint="give (t mod T)/T")}
+    phase = Parameter("phase", "phase", low=0.0, high=1.0, hint="give (t mod T)/T")
+    return {name: Parameter(name, name) for name in names} | {"velocity": velocity, "phase": phase}
 
 
 def _numbers(start: State, n: int) -> tuple[Floats, Floats, float]:

@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike
 from vibroimpact.backends import Cells, ImpactWindow, OfOneMass, StroboscopicWindow, check_takes
 from vibroimpact.cells import Floats
 from vibroimpact.coexistence.attractor import Attractor, Basin, distinct_names, match
-from vibroimpact.coexistence.measuring import Measured, Runner, orbit_cells, spread_cells, state_cells
+from vibroimpact.coexistence.losses import Design
+from vibroimpact.coexistence.measuring import Measured, Runner, carried, orbit_cells, spread_cells, state_cells
 from vibroimpact.coexistence.planes import Plane, plane_of
 from vibroimpact.coexistence.settling import Settled, last_round, outlook_from, outlook_of, rounds, settle
 from vibroimpact.dataset import dataset_of, flags, plain_variable, provenance, status_variable, variable
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State, check_model
-from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
@@ -141,24 +141,24 @@ def check_taken(model: Any, runner: Runner) -> None:
 
 def attractors_by(
     runner: Runner,
-    osc: ImpactOscillator | ImpactSystem,
+    osc: Design,
     starts: Iterable[State] | None = None,
     sampling: Sampling = SAMPLING,
     progress: bool | Report = False,
 ) -> list[Attractor]:
     """Return the attractors of a model as `attractors` does, by a runner that may know fates already."""
     check_taken(osc, runner)
-    given = spread_cells(osc.cells({})) if starts is None else state_cells(osc, starts)
+    chosen = spread_cells(osc.cells({})) if starts is None else state_cells(osc, starts)
     windows = rounds(osc, sampling.transient_impacts, sampling.sample_impacts)
 
     def outlook(settled: Settled, window: ImpactWindow) -> MotionClass:
         return outlook_of(runner, settled) if window is windows[-1] else MotionClass.UNDECIDED
 
-    _check_cost("starts", given, windows[0])
+    _check_cost("starts", chosen, windows[0])
     with reporter(progress, "initial conditions") as tell:
-        cells = given.join([given, *orbit_cells(osc)]) if starts is None else given
-        _, found = _matched(runner, osc, cells, windows, len(given), tell, lambda settled: settled.status, outlook)
-    return [basin.attractor for basin in found]
+        cells = chosen.join([chosen, *orbit_cells(osc)]) if starts is None else chosen
+        _, reached = _matched(runner, osc, cells, windows, len(chosen), tell, lambda settled: settled.status, outlook)
+    return [basin.attractor for basin in reached]
 
 
 def from_rest(runner: Runner, system: ImpactSystem) -> tuple[Attractor | None, Measured]:
@@ -169,19 +169,20 @@ def from_rest(runner: Runner, system: ImpactSystem) -> tuple[Attractor | None, M
     check_taken(system, runner)
     windows = rounds(system, SAMPLING.transient_impacts, SAMPLING.sample_impacts)
     settled = settle(runner, system, system.cells({}), [*windows, *last_round(runner, system, windows)])
-    seen = settled[0]
-    known = dict.fromkeys(INDICES, math.nan) | {name: seen.indices[name] for name in INDICES if name in seen.indices}
-    found = [basin.attractor for basin in match(runner, settled, windows[-1], 1)]
-    if not found:
-        kind = MotionClass.BUDGET if seen.status == Status.BUDGET else MotionClass.UNDECIDED
-        return None, replace(seen, kind=kind.word, n_periods=0, n_impacts=0, indices=known)
-    one, phases = found[0], np.array(found[0].phases)
-    known |= {name: float(getattr(one, name)) for name in _STATISTICS}
+    measured = settled[0]
+    indices = {name: measured.indices.get(name, math.nan) for name in INDICES}
+    reached = match(runner, settled, windows[-1], 1)
+    if not reached:
+        kind = MotionClass.BUDGET if measured.status == Status.BUDGET else MotionClass.UNDECIDED
+        return None, replace(measured, kind=kind.word, n_periods=0, n_impacts=0, indices=indices)
+    attractor = reached[0].attractor
+    n, p, phases = attractor.n_periods, attractor.n_impacts, np.array(attractor.phases)
+    indices |= {name: float(getattr(attractor, name)) for name in _STATISTICS}
     if phases.size:
-        rate = len(phases) / one.n_periods
-        known["impacts_per_period"], known["lyapunov_per_impact"] = rate, one.lyapunov * system.period / rate
-        known["impact_phase_spread"] = max(1.0 - abs(complex(np.exp(2j * np.pi * phases).mean())), 0.0)
-    return one, replace(seen, kind=one.kind, n_periods=one.n_periods, n_impacts=one.n_impacts, indices=known)
+        rate = len(phases) / n
+        indices["impacts_per_period"], indices["lyapunov_per_impact"] = rate, attractor.lyapunov * system.period / rate
+        indices["impact_phase_spread"] = max(1.0 - abs(complex(np.exp(2j * np.pi * phases).mean())), 0.0)
+    return attractor, replace(measured, kind=attractor.kind, n_periods=n, n_impacts=p, indices=indices)
 
 
 def basins(
@@ -253,13 +254,13 @@ def basins(
     (('phase', 'velocity'), 'undecided period-2_impact-2 period-6_sticking')
     """
     plane = plane_of(osc, axes, stop, start)
-    one, grid, cells = plane.model, plane.axes, plane.cells()
+    model, grid, cells = plane.model, plane.axes, plane.cells()
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
-    windows = rounds(one, sampling.transient_impacts, sampling.sample_impacts)
+    windows = rounds(model, sampling.transient_impacts, sampling.sample_impacts)
     runner = Runner(backend, tolerances, workers)
-    check_taken(one, runner)
+    check_taken(model, runner)
     arguments = {
-        **{name: np.asarray(given).tolist() for name, given in axes.items() if np.ndim(given) == 0},
+        **{name: np.asarray(value).tolist() for name, value in axes.items() if np.ndim(value) == 0},
         **plane.arguments(),
         "transient_impacts": sampling.transient_impacts,
         "sample_impacts": sampling.sample_impacts,
@@ -273,23 +274,23 @@ def basins(
     def so_far(settled: Settled) -> xr.Dataset:
         return labelled.assign(status=status_variable(dims, settled.status.reshape(shape)))
 
-    survey = cache(lambda: outlook_from(runner, one, spread_cells(one.cells({})), windows))
+    survey = cache(lambda: outlook_from(runner, model, spread_cells(model.cells({})), windows))
     _check_cost("axes", cells, windows[0])
     with reporter(progress, "initial conditions") as tell:
-        settled, found = _matched(
-            runner, one, cells, windows, len(cells), tell, so_far, lambda settled, window: survey()
+        settled, reached = _matched(
+            runner, model, cells, windows, len(cells), tell, so_far, lambda settled, window: survey()
         )
     numbers = np.full(len(cells), -1)
-    for at, basin in enumerate(found):
+    for at, basin in enumerate(reached):
         numbers[basin.members] = at
-    names = ["undecided", *distinct_names([basin.attractor for basin in found])]
+    names = ["undecided", *distinct_names([basin.attractor for basin in reached])]
     over_grid = {
         "attractor": flags(
             dims, numbers.reshape(shape), "attractor that the initial condition leads to", names, -1, np.int16
         ),
         "status": status_variable(dims, settled.status.reshape(shape)),
     }
-    result = labelled.assign(over_grid | _table(found) | _points(runner, plane, found))
+    result = labelled.assign(over_grid | _table(reached) | _points(runner, plane, reached))
     return result.assign_attrs(steps_computed=int(settled.indices["steps"].sum()))
 
 
@@ -302,7 +303,7 @@ def _check_cost(name: str, cells: Cells, first: ImpactWindow) -> None:
 
 def _matched(
     runner: Runner,
-    osc: ImpactOscillator | ImpactSystem,
+    osc: Design,
     cells: Cells,
     windows: Sequence[ImpactWindow],
     counted: int,
@@ -310,7 +311,7 @@ def _matched(
     so_far: Callable[[Settled], Any],
     outlook: Callable[[Settled, ImpactWindow], MotionClass],
 ) -> tuple[Settled, list[Basin]]:
-    """Return the number of each cell's attractor, and the attractors, reporting to `tell`, which may stop it.
+    """Return what each cell settles to, and the attractors, reporting to `tell`, which may stop it.
 
     The last initial condition is decided when the attractors are known.
     """
@@ -322,14 +323,14 @@ def _matched(
 
     whole = [*windows, *last_round(runner, osc, windows)]
     settled = settle(runner, osc, cells, whole, outlook, lambda so, undecided: report(so, max(undecided, 1)))
-    found = match(runner, settled, windows[-1], counted)
+    reached = match(runner, settled, windows[-1], counted)
     report(settled, int(np.count_nonzero(settled.kind == MotionClass.UNDECIDED)))
-    return settled, found
+    return settled, reached
 
 
-def _table(found: Sequence[Basin]) -> dict[str, xr.Variable]:
+def _table(basins: Sequence[Basin]) -> dict[str, xr.Variable]:
     """Return the properties of each attractor."""
-    rows = [basin.attractor for basin in found]
+    rows = [basin.attractor for basin in basins]
     share = {"long_name": "share of the initial conditions", "units": "1", "symbol": "share"}
     return {
         "attractor_id": plain_variable(
@@ -347,30 +348,28 @@ def _table(found: Sequence[Basin]) -> dict[str, xr.Variable]:
     }
 
 
-def _points(runner: Runner, plane: Plane, found: Sequence[Basin]) -> dict[str, xr.Variable]:
+def _points(runner: Runner, plane: Plane, basins: Sequence[Basin]) -> dict[str, xr.Variable]:
     """Return the points of each attractor in the portrait: its impacts, or its states at the portrait's phase.
 
     Where one axis is the phase of states, an attractor has no points there.
     """
-    axes = tuple(plane.axes)
-    seen = [_seen(runner, plane, basin.attractor) for basin in found]
-    longest = max((len(next(iter(points.values()))) for points in seen), default=0)
+    portraits = [_points_of(runner, plane, basin.attractor) for basin in basins]
+    longest = max((len(next(iter(points.values()))) for points in portraits), default=0)
     columns = {}
-    for axis in axes:
-        rows = np.full((len(found), longest), np.nan)
-        for row, points in zip(rows, seen, strict=True):
+    for axis in plane.axes:
+        rows = np.full((len(basins), longest), np.nan)
+        for row, points in zip(rows, portraits, strict=True):
             row[: len(points[axis])] = points[axis]
         columns[f"point_{axis}"] = plane.labelled(axis, ("attractor_id", "point"), rows)
     return columns
 
 
-def _seen(runner: Runner, plane: Plane, attractor: Attractor) -> dict[str, Floats]:
+def _points_of(runner: Runner, plane: Plane, attractor: Attractor) -> dict[str, Floats]:
     periods = attractor.n_periods or (POINTS if MotionClass[attractor.kind.upper()].hits else 1)
     at_impacts = plane.struck
     if "phase" in plane.axes and not at_impacts:
         return dict.fromkeys(plane.axes, np.zeros(0))
     window = StroboscopicWindow(0, min(periods, POINTS) + at_impacts, None if at_impacts else plane.phase)
-    seen: Any
-    (seen,) = runner.samples(plane.cell(attractor.start), window)
+    (samples,) = runner.samples(carried(plane.model, attractor.start), window)
     most = attractor.n_impacts if at_impacts and attractor.n_impacts > 0 else POINTS
-    return {axis: values[:most] for axis, values in plane.seen(seen).items()}
+    return {axis: values[:most] for axis, values in plane.points(samples).items()}

@@ -27,12 +27,10 @@ from numpy.typing import NDArray
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.backends.base import Counts, Floats, Outcome
 from vibroimpact.coexistence.final import LATE, Fate, fate_of_release, thrifty
-from vibroimpact.coexistence.losses import attracts, driven, lasting_stops, rest_is_contact
+from vibroimpact.coexistence.losses import Design, attracts, driven, lasting_stops, rest_is_contact
 from vibroimpact.coexistence.measuring import Measured, Runner, identifying, named
 from vibroimpact.indices import INDICES
 from vibroimpact.matrices import ROUNDING
-from vibroimpact.model.oscillator import ImpactOscillator
-from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import MotionClass, decide, may_wind
 from vibroimpact.status import Status
 
@@ -54,7 +52,7 @@ class Settled:
     `passing` is the hardest hit in m/s of any window in which it had no cycle yet.
     """
 
-    osc: Any  # an ImpactOscillator or an ImpactSystem
+    osc: Any  # a `Design`
     cells: Cells
     kind: NDArray[np.int8]
     status: NDArray[np.int8]
@@ -62,7 +60,7 @@ class Settled:
     passing: Floats
 
     @classmethod
-    def of(cls, osc: ImpactOscillator | ImpactSystem, cells: Cells) -> Settled:
+    def of(cls, osc: Design, cells: Cells) -> Settled:
         """Return the state before anything has run: nothing is known."""
         number, cells = len(cells), cells[np.arange(len(cells))]
         counts = {name: np.zeros(number, np.int64) for name in ("impacts", "steps", "kept")}
@@ -85,7 +83,7 @@ class Settled:
         self.passing[at] = np.fmax(self.passing[at], hit)
         self.kind[at] = attracting_kinds(self.osc, outcome, kept)
         self.status[at] = _plain(outcome["status"], self.kind[at])
-        if not self.osc.forgets:  # a cycle that is not believed has no name
+        if not self.osc.forgets:  # what repeats without a loss, or without force, is no cycle of an attractor
             unnamed = at[~np.isin(self.kind[at], (MotionClass.PERIODIC, MotionClass.STICKING))]
             self.indices["n_periods"][unnamed] = self.indices["n_impacts"][unnamed] = 0
 
@@ -100,7 +98,7 @@ class Settled:
         self.passing[at] = np.fmax(fate.passing, self.passing[at])
 
 
-def rounds(osc: ImpactOscillator | ImpactSystem, transient: int, keep: int) -> list[ImpactWindow]:
+def rounds(osc: Design, transient: int, keep: int) -> list[ImpactWindow]:
     """Return the windows of one round after the other; a single one where longer rounds would decide nothing.
 
     For systems, 2^k - 1 impacts are left out and 2^k kept: that is how lanes compare later impacts with the first kept.
@@ -112,14 +110,12 @@ def rounds(osc: ImpactOscillator | ImpactSystem, transient: int, keep: int) -> l
     return [ImpactWindow(half * LONGER**i - 1, half * LONGER**i) for i in range(number)]
 
 
-def late(osc: ImpactOscillator | ImpactSystem) -> ImpactWindow:
+def late(osc: Design) -> ImpactWindow:
     """Return the window over which motions are watched that do not repeat."""
     return LATE if osc.forgets else LATE_OF_SYSTEMS
 
 
-def last_round(
-    runner: Runner, osc: ImpactOscillator | ImpactSystem, windows: Sequence[ImpactWindow]
-) -> list[ImpactWindow]:
+def last_round(runner: Runner, osc: Design, windows: Sequence[ImpactWindow]) -> list[ImpactWindow]:
     """Return the window in which motions are watched that do not repeat, unless nothing is gained by it."""
     last = late(osc)
     longer = windows[-1].transient + windows[-1].keep >= last.transient + last.keep
@@ -128,7 +124,7 @@ def last_round(
 
 def settle(
     runner: Runner,
-    osc: ImpactOscillator | ImpactSystem,
+    osc: Design,
     cells: Cells,
     windows: Sequence[ImpactWindow],
     outlook: Callable[[Settled, ImpactWindow], MotionClass] = lambda settled, window: MotionClass.UNDECIDED,
@@ -142,42 +138,43 @@ def settle(
     settled = Settled.of(osc, cells)
     kind, status = settled.kind, settled.status
     fate = partial(fate_of_release, runner, cells[:1])
-    left, windows = np.arange(len(cells)), list(windows)
+    remaining, windows = np.arange(len(cells)), list(windows)
     for window in windows:
-        before = kind[left], status[left]
-        kind[left], status[left] = MotionClass.UNDECIDED, Status.INTERRUPTED
-        undecided = len(left)
+        before = kind[remaining], status[remaining]
+        kind[remaining], status[remaining] = MotionClass.UNDECIDED, Status.INTERRUPTED
+        undecided = len(remaining)
         watched = window == late(osc) or window is AFTER_LATE
-        for which, outcome in runner.run(settled.cells[left], window, thrifty(runner) if watched else None):
-            settled.note(left[which], outcome, window.keep)
-            undecided -= int(np.count_nonzero(kind[left[which]]))
+        for which, outcome in runner.run(settled.cells[remaining], window, thrifty(runner) if watched else None):
+            settled.note(remaining[which], outcome, window.keep)
+            undecided -= int(np.count_nonzero(kind[remaining[which]]))
             report(settled, undecided)
         if watched:  # what is not followed to the end there stays what it was
-            cut = (status[left] == Status.BUDGET) | (status[left] == Status.INTERRUPTED)
-            kind[left[cut]], status[left[cut]] = before[0][cut], before[1][cut]
+            cut = (status[remaining] == Status.BUDGET) | (status[remaining] == Status.INTERRUPTED)
+            kind[remaining[cut]], status[remaining[cut]] = before[0][cut], before[1][cut]
         resting = (status == Status.STICKING) & (settled.indices["n_periods"] == 0)
-        stuck = left[resting[left] & np.isin(kind[left], (MotionClass.UNDECIDED, MotionClass.STICKING)) & osc.forgets]
+        resting &= np.isin(kind, (MotionClass.UNDECIDED, MotionClass.STICKING)) & osc.forgets
+        stuck = remaining[resting[remaining]]
         if stuck.size and not runner.stop.is_set():
             settled.follow(stuck, fate())
         again = (kind == MotionClass.UNDECIDED) & (status != Status.BUDGET) & (status != Status.INTERRUPTED)
         again[stuck] = False
         chaotic = kind == MotionClass.CHAOTIC
-        if window is not windows[-1] and chaotic[left].any():
+        if window is not windows[-1] and chaotic[remaining].any():
             match outlook(settled, window):
                 case MotionClass.STICKING if osc.forgets:
                     settled.follow(np.flatnonzero(chaotic), fate())
                 case MotionClass.UNDECIDED | MotionClass.STICKING:
                     again |= chaotic
         winds = kind == MotionClass.QUASI_PERIODIC
-        if window is not windows[-1] and winds[left].any():
+        if window is not windows[-1] and winds[remaining].any():
             again |= winds & (window is not windows[-2] or not _winds_on(runner, settled, winds, windows[-1]))
-        mixed = winds[left] & (before[0] == MotionClass.CHAOTIC)
+        mixed = winds[remaining] & (before[0] == MotionClass.CHAOTIC)
         if window is windows[-1] and window == LATE_OF_SYSTEMS and mixed.any():
             windows.append(AFTER_LATE)
             again[:] = False
-            again[left[mixed]] = True
-        left = np.flatnonzero(again)
-        if left.size == 0 or runner.stop.is_set():
+            again[remaining[mixed]] = True
+        remaining = np.flatnonzero(again)
+        if remaining.size == 0 or runner.stop.is_set():
             break
     return settled
 
@@ -199,17 +196,15 @@ def outlook_of(runner: Runner, settled: Settled) -> MotionClass:
     return _common(settle(runner, settled.osc, settled.cells[chosen], [late(settled.osc)]))
 
 
-def outlook_from(
-    runner: Runner, osc: ImpactOscillator | ImpactSystem, cells: Cells, windows: Sequence[ImpactWindow]
-) -> MotionClass:
+def outlook_from(runner: Runner, osc: Design, cells: Cells, windows: Sequence[ImpactWindow]) -> MotionClass:
     """Return the outlook, in the last window, of cells that are chaotic in the first one, and their representatives."""
     early = settle(runner, osc, cells, windows[:1]).kind == MotionClass.CHAOTIC
     later = settle(runner, osc, cells[early], windows[-1:])
-    here = _common(later)
-    if here == MotionClass.STICKING or not _irregular(later).all() or not last_round(runner, osc, windows):
-        return here
+    common = _common(later)
+    if common == MotionClass.STICKING or not _irregular(later).all() or not last_round(runner, osc, windows):
+        return common
     lasting = outlook_of(runner, later)
-    return lasting if lasting in (here, MotionClass.STICKING) else MotionClass.UNDECIDED
+    return lasting if lasting in (common, MotionClass.STICKING) else MotionClass.UNDECIDED
 
 
 def _irregular(settled: Settled) -> NDArray[np.bool_]:
@@ -256,7 +251,7 @@ def clusters(columns: Sequence[tuple[Floats, float]]) -> list[Counts]:
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
-def attracting_kinds(osc: ImpactOscillator | ImpactSystem, outcome: Outcome, kept: int) -> NDArray[np.int8]:
+def attracting_kinds(osc: Design, outcome: Outcome, kept: int) -> NDArray[np.int8]:
     """Return the kind of motion that each cell settles to, from the outcome of a window of `kept` impacts.
 
     To the rule of `classify` comes what the model decides: hits that last without loss attract nothing, and without
@@ -274,19 +269,15 @@ def attracting_kinds(osc: ImpactOscillator | ImpactSystem, outcome: Outcome, kep
         settles_to[MotionClass.NO_IMPACT] = MotionClass.AT_REST if damped else MotionClass.NO_IMPACT
         if not osc.forgets:
             settles_to[[MotionClass.UNDECIDED, *_LASTING]] = settles_to[MotionClass.DECAYING]
-    found: NDArray[np.int8] = settles_to[kinds]
-    found[_lasts(osc, outcome) & np.isin(kinds, (MotionClass.UNDECIDED, *_LASTING))] = MotionClass.UNDECIDED
-    return found
-
-
-def _lasts(osc: ImpactOscillator | ImpactSystem, outcome: Outcome) -> NDArray[np.bool_]:
-    """Return of which cells hits may last without loss, so that those that hit as hard do not approach each other."""
+    attracting: NDArray[np.int8] = settles_to[kinds]
+    # Hits may last without loss: motions that hit as hard do not approach each other.
     struck = outcome.get("struck", np.ones_like(outcome["n_impacts"]))  # one bit a stop; the only one where none says
-    lasting: NDArray[np.bool_] = struck & lasting_stops(osc) @ (1 << np.arange(len(osc.stops))) != 0
-    return lasting
+    lasts = struck & lasting_stops(osc) @ (1 << np.arange(len(osc.stops))) != 0
+    attracting[lasts & np.isin(kinds, (MotionClass.UNDECIDED, *_LASTING))] = MotionClass.UNDECIDED
+    return attracting
 
 
-def _loads(osc: ImpactOscillator | ImpactSystem) -> tuple[bool, bool, bool]:
+def _loads(osc: Design) -> tuple[bool, bool, bool]:
     """Return whether anything drives a model, whether all its free motion decays, and whether its rest is a contact;
     all but what happens to a free centre.
     """

@@ -17,14 +17,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow
 from vibroimpact.backends.base import Counts, Floats, SystemSamples
-from vibroimpact.coexistence.measuring import Runner, carried
+from vibroimpact.coexistence.measuring import EQUAL, Runner, carried
 from vibroimpact.coexistence.settling import Settled
 from vibroimpact.model import Model, State
 from vibroimpact.model.system import ImpactSystem
@@ -39,30 +39,29 @@ FARTHEST = 1e-3  # of those: so far from a cycle its derivative says little
 SOLVED = 64  # impacts of the longest cycle that is solved for
 NEAR = 1e-3  # of an orbit solved for, from the impacts that it was solved from
 STEADY = 1000  # driving periods after which a motion in permanent contact is steady
-TIED = 1e-9  # of the hardest hit: hits as hard as that are as hard
 
 
 @dataclass(frozen=True)
-class Seen:
+class SettledMotion:
     """The impacts of a cycle from its hardest on, or a sample of a motion that does not repeat.
 
-    `lost` is the energy in J that each takes; `orbit` the cycle solved for, or None; `start` a state on it; `tolerance`
-    how near its members come; `whole` the driving periods that it takes.
+    `losses` are the energies in J that each takes; `orbit` is the cycle solved for, or None; `start` a state on it;
+    `tolerance` how near its members come; `periods` the driving periods that it takes.
     """
 
     phases: Floats
     velocities: Floats
     stops: Counts
-    lost: Floats
+    losses: Floats
     start: State
-    whole: float
+    periods: float
     tolerance: float = SAME
     orbit: SystemOrbit | None = None
 
     @property
     def energy(self) -> float:
         """Energy lost at the stops per driving period in J."""
-        return float(np.nansum(self.lost)) / self.whole
+        return float(np.nansum(self.losses)) / self.periods
 
 
 def alike(one: Any, other: Any, tolerance: float = SAME) -> bool:
@@ -71,8 +70,8 @@ def alike(one: Any, other: Any, tolerance: float = SAME) -> bool:
         return len(one.stops) == len(other.stops)
     fastest = max(np.max(one.velocities, initial=0.0), np.max(other.velocities, initial=0.0))
     first, second = (
-        _points(np.asarray(seen.phases), np.asarray(seen.velocities) / fastest, np.zeros(len(seen.stops), np.int64))
-        for seen in (one, other)
+        _points(np.asarray(cycle.phases), np.asarray(cycle.velocities) / fastest, np.zeros(len(cycle.stops), np.int64))
+        for cycle in (one, other)
     )
     struck, others = np.asarray(one.stops), np.asarray(other.stops)
     return any(
@@ -86,89 +85,92 @@ def _points(phases: Floats, velocities: Floats, stops: Counts) -> Floats:
     return np.column_stack([np.sin(angles), np.cos(angles), velocities, stops])
 
 
-def cycles(runner: Runner, settled: Settled) -> Iterator[tuple[int, Seen, Counts]]:
+def cycles(runner: Runner, settled: Settled) -> Iterator[tuple[int, SettledMotion, Counts]]:
     """Yield every cycle that initial conditions lead to: a representative, the cycle, and all of them."""
-    found: list[tuple[int, Seen, list[Counts]]] = []
+    distinct: list[tuple[int, SettledMotion, list[Counts]]] = []
     repeats = settled.indices["n_periods"] > 0
-    left = np.flatnonzero(repeats & np.isin(settled.kind, (MotionClass.PERIODIC, MotionClass.STICKING)))
-    while left.size:
-        at = int(left[settled.indices["impacts"][left].argmin()])  # the one that settled first
-        seen = follow(runner, settled, at, [known for _, known, _ in found])
-        mine = left[(left == at) | _members(settled, left, at, seen)]
-        for _, known, members in found:
-            if alike(known, seen):
-                members.append(mine)
+    remaining = np.flatnonzero(repeats & np.isin(settled.kind, (MotionClass.PERIODIC, MotionClass.STICKING)))
+    while remaining.size:
+        at = int(remaining[settled.indices["impacts"][remaining].argmin()])  # the one that settled first
+        cycle = follow(runner, settled, at, [other for _, other, _ in distinct])
+        leading = remaining[(remaining == at) | _members(settled, remaining, at, cycle)]
+        for _, other, members in distinct:
+            if alike(other, cycle):
+                members.append(leading)
                 break
         else:
-            found.append((at, seen, [mine]))
-        left = np.setdiff1d(left, mine, assume_unique=True)
-    for at, seen, members in found:
-        yield at, seen, np.sort(np.concatenate(members))
+            distinct.append((at, cycle, [leading]))
+        remaining = np.setdiff1d(remaining, leading, assume_unique=True)
+    for at, cycle, members in distinct:
+        yield at, cycle, np.sort(np.concatenate(members))
 
 
-def _members(settled: Settled, left: Counts, at: int, seen: Seen) -> NDArray[np.bool_]:
+def _members(settled: Settled, candidates: Counts, at: int, cycle: SettledMotion) -> NDArray[np.bool_]:
     """Return which initial conditions lead to a cycle, by the first impact of their window and by its means."""
-    own = {name: column[left] for name, column in settled.indices.items()}
-    fastest, most, p = seen.velocities.max(), seen.tolerance, len(seen.velocities)
+    columns = {name: column[candidates] for name, column in settled.indices.items()}
+    fastest, most, p = cycle.velocities.max(), cycle.tolerance, len(cycle.velocities)
     number, repeats = (settled.indices[name][at] for name in ("n_periods", "n_impacts"))
-    alike = (own["n_periods"] == number) & (own["n_impacts"] == repeats) & (settled.kind[left] == settled.kind[at])
-    alike &= np.abs(own["max_velocity"] - fastest) <= most * fastest
-    kept, turn = own["kept"], np.exp(2j * np.pi * own["first_phase"])
-    sums = np.concatenate([[0.0], np.cumsum(np.tile(seen.velocities, 2))])
-    found = np.zeros(len(left), bool)
+    possible = (columns["n_periods"] == number) & (columns["n_impacts"] == repeats)
+    possible &= settled.kind[candidates] == settled.kind[at]
+    possible &= np.abs(columns["max_velocity"] - fastest) <= most * fastest
+    kept, turn = columns["kept"], np.exp(2j * np.pi * columns["first_phase"])
+    sums = np.concatenate([[0.0], np.cumsum(np.tile(cycle.velocities, 2))])
+    members = np.zeros(len(candidates), bool)
     for j in range(p):
-        here = alike & (own["first_stop"] == seen.stops[j])
-        here &= np.abs(turn - np.exp(2j * np.pi * seen.phases[j])) <= most
-        here &= np.abs(own["first_velocity"] - seen.velocities[j]) <= most * fastest
+        matches = possible & (columns["first_stop"] == cycle.stops[j])
+        matches &= np.abs(turn - np.exp(2j * np.pi * cycle.phases[j])) <= most
+        matches &= np.abs(columns["first_velocity"] - cycle.velocities[j]) <= most * fastest
         if repeats > 0:
             whole, rest = np.divmod(kept, p)
             mean = (whole * sums[p] + sums[j + rest] - sums[j]) / kept
-            here &= np.abs(own["mean_velocity"] - mean) <= most * fastest
-        found |= here
-    return found
+            matches &= np.abs(columns["mean_velocity"] - mean) <= most * fastest
+        members |= matches
+    return members
 
 
-def follow(runner: Runner, settled: Settled, at: int, known: Sequence[Seen] = ()) -> Seen:
+def follow(runner: Runner, settled: Settled, at: int, others: Sequence[SettledMotion] = ()) -> SettledMotion:
     """Return the cycle that an initial condition leads to, from as many impacts after the one that came back as before.
 
-    If it is none of those known, one of a few impacts is then solved for, if it neither rests nor strikes several stops
-    at once.
+    If it is none of the `others`, one of a few impacts is then solved for, if it neither rests nor strikes several
+    stops at once.
     """
     system: Any = settled.osc
     n, p = (int(settled.indices[name][at]) for name in ("n_periods", "n_impacts"))
     settling, keep = int(settled.indices["impacts"][at]), 2 * max(p, 16) + 1
     while True:
-        seen = _sampled(runner, settled, at, ImpactWindow(settling, keep))
-        turns, speeds = seen.impact_periods + seen.impact_phase, seen.impact_velocity
+        samples = _sampled(runner, settled, at, ImpactWindow(settling, keep))
+        turns, speeds = samples.impact_periods + samples.impact_phase, samples.impact_velocity
         if turns[-1] - turns[0] > 2 * n - 1e-6 or len(turns) < keep:
             break
         keep *= 2
     early = int(np.searchsorted(turns, turns[0] + n - 1e-6))
-    first = _hardest(speeds[:early], seen.impact_stop[:early])
+    first = _hardest(speeds[:early], samples.impact_stop[:early])
     last = first + p if p > 0 else int(np.searchsorted(turns, turns[first] + n - 1e-6))
-    n, cycle = _smallest(seen, slice(first, last), n)
-    phases, speeds, stops = seen.impact_phase[cycle], speeds[cycle], seen.impact_stop[cycle]
-    lost, end = seen.impact_energy[cycle], ended(system, seen)
-    found = Seen(phases, speeds, stops, lost, end, float(n), _by_growth(settled, at, n * system.period))
-    for other in known:
-        if alike(other, found, other.tolerance):
+    n, span = _smallest(samples, slice(first, last), n)
+    phases, speeds, stops = samples.impact_phase[span], speeds[span], samples.impact_stop[span]
+    losses, end = samples.impact_energy[span], ended(system, samples)
+    cycle = SettledMotion(phases, speeds, stops, losses, end, float(n), _by_growth(settled, at, n * system.period))
+    for other in others:
+        if alike(other, cycle, other.tolerance):
             return other
-    plain = p > 0 and not len(seen.rest_stop) and not seen.impact_simultaneous.any()
-    orbit = solved(system, n, stops, turns[cycle], speeds, end) if plain and len(stops) <= SOLVED else None
+    plain = p > 0 and not len(samples.rest_stop) and not samples.impact_simultaneous.any()
+    orbit = solved(system, n, stops, turns[span], speeds, end) if plain and len(stops) <= SOLVED else None
     if orbit is None:
-        return replace(found, start=ended(system, _sampled(runner, settled, at, ImpactWindow(settling, first + 1))))
+        return replace(cycle, start=ended(system, _sampled(runner, settled, at, ImpactWindow(settling, first + 1))))
     numbers = np.array([system.stop_names.index(stop) for stop in orbit.stops])
-    start = _state_of(system, carried(system, orbit.start), orbit.start.time)
+    start = _state_of(carried(system, orbit.start), orbit.start.time)
     phases, speeds = np.array(orbit.phases), np.array(orbit.velocities)
-    return Seen(phases, speeds, numbers, lost, start, float(n), _by_derivative(orbit), orbit)
+    return SettledMotion(phases, speeds, numbers, losses, start, float(n), _by_derivative(orbit), orbit)
 
 
-def sample(runner: Runner, settled: Settled, at: int, window: ImpactWindow) -> Seen:
+def sample(runner: Runner, settled: Settled, at: int, window: ImpactWindow) -> SettledMotion:
     """Return a sample of a motion that does not repeat."""
-    seen = _sampled(runner, settled, at, window)
-    turns = seen.impact_periods + seen.impact_phase
-    state, whole = ended(settled.osc, seen), float(turns[-1] - turns[0])
-    return Seen(seen.impact_phase, seen.impact_velocity, seen.impact_stop, seen.impact_energy, state, whole)
+    samples = _sampled(runner, settled, at, window)
+    turns = samples.impact_periods + samples.impact_phase
+    state, periods = ended(settled.osc, samples), float(turns[-1] - turns[0])
+    return SettledMotion(
+        samples.impact_phase, samples.impact_velocity, samples.impact_stop, samples.impact_energy, state, periods
+    )
 
 
 def resting(runner: Runner, settled: Settled, at: int) -> State:
@@ -177,11 +179,11 @@ def resting(runner: Runner, settled: Settled, at: int) -> State:
     In permanent contact the other coordinates may still move: that is followed until it is steady.
     """
     twice = 2 * int(settled.indices["impacts"][at]) + 1  # as long as it took to know: weak impacts may last for ever
-    system, seen = settled.osc, _sampled(runner, settled, at, ImpactWindow(0, twice))
-    if seen.status == Status.STUCK_FOREVER and system.modal().squares.all():
-        last = int(seen.impact_periods[-1]) if len(seen.impact_periods) else 0
-        seen = _sampled(runner, settled, at, StroboscopicWindow(last + STEADY, 1))
-    return ended(system, seen)
+    system, samples = settled.osc, _sampled(runner, settled, at, ImpactWindow(0, twice))
+    if samples.status == Status.STUCK_FOREVER and system.modal().squares.all():
+        last = int(samples.impact_periods[-1]) if len(samples.impact_periods) else 0
+        samples = _sampled(runner, settled, at, StroboscopicWindow(last + STEADY, 1))
+    return ended(system, samples)
 
 
 def steady_state(system: ImpactSystem) -> State:
@@ -198,12 +200,10 @@ def steady_state(system: ImpactSystem) -> State:
 
 
 def _sampled(runner: Runner, settled: Settled, at: int, window: ImpactWindow | StroboscopicWindow) -> SystemSamples:
-    (seen,) = runner.samples(settled.cells[at : at + 1], window)
-    found: Any = seen
-    return found  # type: ignore[no-any-return]
+    return cast(SystemSamples, runner.samples(settled.cells[at : at + 1], window)[0])
 
 
-def _state_of(system: ImpactSystem, cell: Any, time: float) -> State:
+def _state_of(cell: Any, time: float) -> State:
     """Return the state in which a cell starts."""
     shapes = cell.shapes[0]
     return State(shapes @ cell.block("eta")[0], shapes @ cell.block("rate")[0], time)
@@ -211,18 +211,18 @@ def _state_of(system: ImpactSystem, cell: Any, time: float) -> State:
 
 def _hardest(speeds: Floats, stops: Counts) -> int:
     """Return the hardest impact, of those as hard the one on the first stop."""
-    tied = np.flatnonzero(speeds >= (1.0 - TIED) * speeds.max())
+    tied = np.flatnonzero(speeds >= (1.0 - EQUAL) * speeds.max())
     return int(tied[stops[tied].argmin()])
 
 
-def _smallest(seen: SystemSamples, cycle: slice, n: int) -> tuple[int, slice]:
+def _smallest(samples: SystemSamples, span: slice, n: int) -> tuple[int, slice]:
     """Return the smallest number of periods, and the impacts, after which a cycle repeats."""
-    p, speeds = cycle.stop - cycle.start, seen.impact_velocity[cycle]
-    points = _points(seen.impact_phase[cycle], speeds / speeds.max(), seen.impact_stop[cycle])
+    p, speeds = span.stop - span.start, samples.impact_velocity[span]
+    points = _points(samples.impact_phase[span], speeds / speeds.max(), samples.impact_stop[span])
     for parts in range(math.gcd(n, p), 1, -1):
         if n % parts == p % parts == 0 and np.abs(points - np.roll(points, p // parts, axis=0)).max() <= SAME:
-            return n // parts, slice(cycle.start, cycle.start + p // parts)
-    return n, cycle
+            return n // parts, slice(span.start, span.start + p // parts)
+    return n, span
 
 
 def solved(model: Model, n: int, stops: Counts, turns: Floats, speeds: Floats, end: State) -> SystemOrbit | None:
@@ -246,5 +246,5 @@ def _by_derivative(orbit: SystemOrbit) -> float:
 
 def _by_growth(settled: Settled, at: int, length: float) -> float:
     """Return the same by the exponent, of a cycle that is not solved for."""
-    left = -math.expm1(min(float(settled.indices["lyapunov"][at]) * length, -SAME))
-    return min(SAME / left, FARTHEST)
+    decay = -math.expm1(min(float(settled.indices["lyapunov"][at]) * length, -SAME))
+    return min(SAME / decay, FARTHEST)

@@ -18,11 +18,11 @@ import numpy as np
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
 from vibroimpact.cells import Floats
 from vibroimpact.coexistence.final import LATE, irregular, rests
-from vibroimpact.coexistence.measuring import Measured, Runner, carried, orbit_cell, orbit_cells, spread_cells
+from vibroimpact.coexistence.measuring import EQUAL, Measured, Runner, carried, orbit_cells, spread_cells
 from vibroimpact.motion import MotionClass
 from vibroimpact.verdict.brackets import ANY, CANDIDATES, ENDS, Bracket, Line, rounded
 from vibroimpact.verdict.branches import Branches, present_orbits
-from vibroimpact.verdict.present import EQUAL, Coexisting, Present, measure
+from vibroimpact.verdict.present import Coexisting, Present, measure
 from vibroimpact.verdict.ranges import PLACES, Range
 
 FINER, HALVINGS = 2, 6  # times that steps near the present value are halved; of the step in which the benefit begins
@@ -199,7 +199,7 @@ class Trials:
         mixed = np.argsort(np.arange(number) % FEW, kind="stable")
         first, *others = np.split(mixed, [number // FEW, number // 4, number // 2])
         yield cells[first]
-        if on_branches := [orbit_cell(design, orbit) for orbit in self.branches.at(self.orbits, varied, value)]:
+        if on_branches := [carried(design, orbit.start) for orbit in self.branches.at(self.orbits, varied, value)]:
             yield Cells.join(on_branches)
         if of_one_impact := orbit_cells(design):
             yield Cells.join(of_one_impact)

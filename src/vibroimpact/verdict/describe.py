@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 from itertools import count
 from typing import Any
 
-from vibroimpact.coexistence.measuring import Runner, SpentError
+from vibroimpact.coexistence.measuring import EQUAL, Runner, SpentError
 from vibroimpact.model import Model, check_model
 from vibroimpact.motion import Motion
 from vibroimpact.options import Tolerances
@@ -17,7 +17,7 @@ from vibroimpact.verdict.advice import Advice, advise
 from vibroimpact.verdict.boundaries import nearest_boundaries
 from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.edges import Edge
-from vibroimpact.verdict.present import EQUAL, Coexisting, Present, coexisting_motions, present_motion, step_limit
+from vibroimpact.verdict.present import Coexisting, Present, coexisting_motions, present_motion, step_limit
 from vibroimpact.verdict.ranges import Range, check_parameters, check_within, range_of
 from vibroimpact.verdict.text import verdict_lines
 

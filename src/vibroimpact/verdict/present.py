@@ -25,7 +25,6 @@ STEP_LIMIT = 1 << 29  # certified steps of one mass around a motion: five times 
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
 ALIKE = 5e-3  # `orbit_distance` from the settled motion within which an orbit or attractor is the same
 MOST_IMPACTS = 16  # in a cycle that is still solved for
-EQUAL = 1e-9  # relative: speeds, impulses, shares and sums of lengths that differ by less are equal
 
 
 def step_limit(osc: Any) -> int:

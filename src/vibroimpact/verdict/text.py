@@ -16,12 +16,12 @@ import numpy as np
 
 from vibroimpact import report
 from vibroimpact.coexistence.losses import lasting_stops
-from vibroimpact.coexistence.measuring import PAPER, SPREAD
+from vibroimpact.coexistence.measuring import EQUAL, PAPER, SPREAD
 from vibroimpact.motion import MotionClass, listed
 from vibroimpact.parameters import counted
 from vibroimpact.verdict.advice import INSTANTS
 from vibroimpact.verdict.changes import advice_text, boundary_lines, number, parameters_line, speed
-from vibroimpact.verdict.present import EQUAL, Coexisting, step_limit
+from vibroimpact.verdict.present import Coexisting, step_limit
 from vibroimpact.verdict.ranges import percent
 
 if TYPE_CHECKING:

@@ -41,10 +41,10 @@ def _prepare(k: Layout, table: Floats) -> None:
     weight, loads = _block(table, k.weight, n), np.abs(load) + np.hypot(force[..., 0], force[..., 1]).sum(axis=-1)
     lift, swings = _lift(square, load, force, motion, alpha, theta)
     _block(table, k.lift, s, n + 1 + 2 * m)[:] = lift
-    alone = np.einsum("cjj->cj", damping)
-    own = damping if k.coupled else alone[..., None]
+    diagonal = np.einsum("cjj->cj", damping)
+    flow_damping = damping if k.coupled else diagonal[..., None]
     for first, length in ((k.halves, HALF), (k.wholes, WHOLE)):
-        flow = _flow(square, own, load, force, theta, length)
+        flow = _flow(square, flow_damping, load, force, theta, length)
         table[:, first : first + flow.shape[1]] = flow
         bounds = _bounds(square, damping, weight, alpha, loads, swings, length)
         _block(table, first + flow.shape[1], s, 1 + 2 * n)[:] = bounds
@@ -55,8 +55,8 @@ def _prepare(k: Layout, table: Floats) -> None:
         _block(table, k.slow, s, n)[:], _block(table, k.drawn, s, n + 1 + 2 * m)[:] = part, lift
         bounds = _bounds(square * slow, damping * slow[:, None], weight, part, loads, swings, FAR)
         _block(table, k.fars + n * k.flow + 2, s, 1 + 2 * n)[:] = bounds
-        _block(table, k.reach, s, 1 + 2 * n)[:] = _reach(square, alone, load, force, alpha, theta, slow)
-        flow = _flow(square, alone[..., None], load, force, theta, WHOLE)
+        _block(table, k.reach, s, 1 + 2 * n)[:] = _reach(square, diagonal, load, force, alpha, theta, slow)
+        flow = _flow(square, diagonal[..., None], load, force, theta, WHOLE)
         for _ in range(round(math.log2(FAR / WHOLE))):
             flow = _twice(flow, n, m)
         flow = _spread(flow, n) if k.coupled else flow
@@ -68,12 +68,12 @@ def slow_modes(square: Floats, damping: Floats, theta: Floats) -> NDArray[np.boo
 
     Periods are counted by the sign of sin wt: a leap must not be half of one.
     """
-    own = np.einsum("cjj->cj", damping)
-    slow = FAR**2 / 8.0 * square + 0.5 * FAR * own < SLOW
-    apart = np.count_nonzero(damping, axis=(1, 2)) == np.count_nonzero(own, axis=1)
-    useful = (FAR * theta[:, 0] < 3.0) & apart & (own >= 0.0).all(axis=-1) & ~slow.all(axis=-1)
-    found: NDArray[np.bool_] = slow & useful[:, None]
-    return found
+    diagonal = np.einsum("cjj->cj", damping)
+    slow = FAR**2 / 8.0 * square + 0.5 * FAR * diagonal < SLOW
+    apart = np.count_nonzero(damping, axis=(1, 2)) == np.count_nonzero(diagonal, axis=1)
+    useful = (FAR * theta[:, 0] < 3.0) & apart & (diagonal >= 0.0).all(axis=-1) & ~slow.all(axis=-1)
+    useful_slow: NDArray[np.bool_] = slow & useful[:, None]
+    return useful_slow
 
 
 def _reach(
@@ -178,7 +178,7 @@ def _prepare_contacts(k: Layout, table: Floats) -> None:
     force = _block(table, k.force, k.harmonics, 2) @ np.array([1.0, 1j])
     motion = _block(table, k.motion, k.stops, k.harmonics, 2) @ np.array([1.0, 1j])
     zero, one, turned = np.zeros_like(square), np.ones_like(square), theta * np.arange(1, k.harmonics + 1)
-    for own, (z, part) in enumerate(itertools.product(range(k.stops), WITHIN)):
+    for number, (z, part) in enumerate(itertools.product(range(k.stops), WITHIN)):
         alpha, jump, gap, spring = (table[:, first + z, None] for first in (k.alpha, k.jump, k.gap, k.spring))
         dashpot, hard, thick = (table[:, first + z, None] for first in (k.dashpot, k.hard, k.thick))
         length = part / (np.sqrt(1.0 + hard) + thick)
@@ -199,7 +199,7 @@ def _prepare_contacts(k: Layout, table: Floats) -> None:
         parts = np.stack([push.real, push.imag], axis=-1)[:, None]
         flow = _flow(stiff, damped[..., None], load + jump * spring * gap, parts, theta, length[..., None])
         flow = np.hstack([flow, speed])
-        first = k.within + own * flow.shape[1]
+        first = k.within + number * flow.shape[1]
         table[:, first : first + flow.shape[1]] = flow
 
 

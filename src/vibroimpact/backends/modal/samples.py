@@ -1,4 +1,4 @@
-"""What is seen of the motions of systems: followed in lanes, a cell each, and recorded impact by impact."""
+"""Samples of the motions of systems: followed in lanes, a cell each, and recorded impact by impact."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, SystemSamples, looks_status
+from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, SystemSamples, impacts_status, looks_status
 from vibroimpact.backends.modal.rows import budgets_of, in_steps, steps_of
 from vibroimpact.backends.modal.sweep import alone_for, layout_for, noted, room_for
 from vibroimpact.backends.scalar import aligned, ended_as
@@ -16,7 +16,7 @@ from vibroimpact.kernels.held import InMemory
 from vibroimpact.kernels.systems import march, walk
 from vibroimpact.kernels.vectors import LANES
 from vibroimpact.model.system_cells import SystemCells
-from vibroimpact.status import Status, window_status
+from vibroimpact.status import Status
 
 _STEPS = 1 << 14  # of all lanes, before Python may be interrupted
 _ROOM = 4096  # rows of a buffer, which is emptied when it is full
@@ -24,78 +24,79 @@ _ROOM = 4096  # rows of a buffer, which is emptied when it is full
 
 def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]:
     """Return the samples that the window takes of each cell."""
-    found = dict(_Recorder(cells, measurement).finished())
-    return [found[at] for at in range(len(cells))]
+    by_cell = dict(_Recorder(cells, measurement).finished())
+    return [by_cell[at] for at in range(len(cells))]
 
 
 class _Recorder:
-    """Cells in lanes, and what is seen of them."""
+    """Cells in lanes, and what is recorded of them."""
 
     def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
         self._cells, self._window = cells, measurement.window
         k = self._layout = layout_for(cells, cells.shape.compliant)
         self._table = in_steps(cells, measurement.tolerances.chatter, k)
-        self._total, looks, per_period, limit = march.Window(0.0, math.inf), 0, 1, 0.0
         if isinstance(self._window, ImpactWindow):
+            looks, per_period = 0, 1
             limit = float(self._window.transient + self._window.keep)
             self._total = march.Window(float(self._window.transient), limit)
         else:
             looks, per_period = self._window.keep, self._window.per_period
             limit = self._window.skip_periods + looks / per_period + 1.0
+            self._total = march.Window(0.0, math.inf)
         self._budgets = budgets_of(cells, measurement.tolerances, limit)
         wide = min(len(cells), LANES)
         self._times = np.zeros((wide, 2, looks))
         self._schedule = walk.Schedule(float(looks), np.zeros((wide, 2)), float(per_period))
         impacts, rests = np.zeros((wide, _ROOM, 10)), np.zeros((wide, _ROOM, 5))
         filled = np.zeros((wide, 3), np.int64)
-        self._record = walk.Record(impacts, np.zeros((wide, looks, 2 * k.modes)), rests, filled)
+        self._buffers = walk.Record(impacts, np.zeros((wide, looks, 2 * k.modes)), rests, filled)
         owner, ends = np.full(LANES, -1), np.full(LANES, walk.GOES_ON)
         before = np.zeros(k.rows * LANES if looks else 0)
         notes, (rows, spare) = np.zeros((wide, noted(k))), np.zeros((2, k.rows))
         self._busy = walk.Busy(aligned(k.rows * LANES), owner, notes, ends, before, rows, spare)
         self._rows = self._busy.lanes.reshape(-1, LANES)
-        self._taken: list[tuple[list[Floats], list[Floats]]] = [([], []) for _ in range(wide)]
+        self._recorded: list[tuple[list[Floats], list[Floats]]] = [([], []) for _ in range(wide)]
 
     def finished(self) -> Iterator[tuple[int, SystemSamples]]:
-        """Yield the number of each cell, and what is seen of it, as it ends."""
+        """Yield the number of each cell, and its samples, as it ends."""
         k, owner, ends = self._layout, self._busy.owner, self._busy.ends
         waiting = iter(range(len(self._cells)))
         busy, layout, schedule = InMemory(self._busy), InMemory(k), InMemory(self._schedule)
-        room, alone, record = InMemory(room_for(k)), InMemory(alone_for(k)), InMemory(self._record)
+        room, alone, buffers = InMemory(room_for(k)), InMemory(alone_for(k)), InMemory(self._buffers)
 
         def seat(lane: int) -> None:
             owner[lane] = cell = next(waiting, -1)
             if cell >= 0:
                 self._prepare(lane, cell)
-                walk.seat(busy, lane, layout, self._table[cell], room, record)
+                walk.seat(busy, lane, layout, self._table[cell], room, buffers)
 
         for lane in range(len(self._times)):
             seat(lane)
         while (owner >= 0).any():
-            walk.follow(busy, layout, room, record, self._total, schedule, _STEPS, alone)
+            walk.follow(busy, layout, room, buffers, self._total, schedule, _STEPS, alone)
             for lane in np.flatnonzero((owner >= 0) & (ends != walk.GOES_ON)).tolist():
-                if self._take(lane):
-                    record = InMemory(self._record)
+                if self._empty(lane):
+                    buffers = InMemory(self._buffers)
                 if ends[lane] != RUNNING:
                     yield int(owner[lane]), self._labelled(lane)
                     seat(lane)
                 ends[lane] = walk.GOES_ON
 
     def _prepare(self, lane: int, cell: int) -> None:
-        """Let a lane see nothing yet, from the time at which the cell begins."""
+        """Begin the record of a lane, at the time at which its cell begins."""
         begins = self._cells.block("time")[cell].tolist()
         if not isinstance(self._window, ImpactWindow):
             self._times[lane] = self._window.schedule(*begins)
             self._schedule.first[lane] = self._times[lane, :, 0]
         self._busy.notes[lane] = 0.0
         self._busy.notes[lane, : march.STEPS] = self._budgets[cell]
-        self._record.filled[lane] = 0
-        self._taken[lane] = [], []
+        self._buffers.filled[lane] = 0
+        self._recorded[lane] = [], []
 
-    def _take(self, lane: int) -> bool:
+    def _empty(self, lane: int) -> bool:
         """Empty a lane's buffers, but for contacts that may still go on; return whether one had to grow."""
-        k, (hits, rested) = self._layout, self._taken[lane]
-        impacts, _, rests, filled = (rows[lane] for rows in self._record)
+        k, (hits, rested) = self._layout, self._recorded[lane]
+        impacts, _, rests, filled = (rows[lane] for rows in self._buffers)
         entries, ended = self._rows[k.entry : k.entry + k.stops, lane], self._busy.ends[lane] != RUNNING
         number = int(filled[0])
         gone = number if ended else int(entries[entries > 0.0].min(initial=number + 1.0)) - 1
@@ -103,14 +104,14 @@ class _Recorder:
         impacts[: number - gone] = impacts[gone:number].copy()
         filled[0] -= gone
         entries[:] = np.maximum(entries - gone, 0.0)
-        rows = rests[: filled[2]]
-        over = np.isfinite(rows[:, 3]) | ended
-        rested.append(rows[over])
-        rests[: (~over).sum()] = rows[~over]
+        pending = rests[: filled[2]]
+        over = np.isfinite(pending[:, 3]) | ended
+        rested.append(pending[over])
+        rests[: (~over).sum()] = pending[~over]
         filled[2] = (~over).sum()
         if 2 * filled[0] < len(impacts):
             return False
-        self._record = self._record._replace(impacts=np.concatenate([self._record.impacts] * 2, axis=1))
+        self._buffers = self._buffers._replace(impacts=np.concatenate([self._buffers.impacts] * 2, axis=1))
         return True
 
     def _labelled(self, lane: int) -> SystemSamples:
@@ -119,8 +120,8 @@ class _Recorder:
         at = self._busy.owner[lane]
         cell = self._cells[at : at + 1]
         n, h, shapes = k.modes, float(steps_of(cell)[0]), cell.shapes[0]
-        impacts, rests = map(np.concatenate, self._taken[lane])
-        looks = self._record.looks[lane, : self._record.filled[lane, 1]].copy()
+        impacts, rests = map(np.concatenate, self._recorded[lane])
+        looks = self._buffers.looks[lane, : self._buffers.filled[lane, 1]].copy()
         ended = ended_as(int(self._busy.ends[lane]), bool(note[march.HITS]))
         if isinstance(self._window, ImpactWindow):
             rests, status = _within_impacts(impacts, rests, self._window, ended)
@@ -160,9 +161,7 @@ def _within_impacts(impacts: Floats, rests: Floats, window: ImpactWindow, ended:
     first, last = (turns[0], turns[-1] if filled else math.inf) if len(turns) else (math.inf, -math.inf)
     later = np.isnan(rests[:, 3]) | (rests[:, 3] + rests[:, 4] > first)
     rests = rests[later & (rests[:, 1] + rests[:, 2] < last)]
-    span = float(turns[-1] - turns[0]) if len(turns) else 0.0
-    stuck = len(rests) > 0
-    return rests, window_status(sampled=len(impacts), wanted=window.keep, stuck=stuck, periods=span, ended=ended)
+    return rests, impacts_status(impacts, rests, window, ended)
 
 
 def _within_looks(

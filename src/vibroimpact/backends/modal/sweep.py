@@ -1,4 +1,4 @@
-"""The engine of systems: one cell with all that is seen of it, and many cells in lanes."""
+"""The engine of systems for indices: many cells in lanes."""
 
 from __future__ import annotations
 
@@ -35,9 +35,11 @@ def layout_for(cells: SystemCells, *flags: bool) -> Layout:
     shape, step, n = cells.shape, steps_of(cells)[:, None], cells.shape.modes
     damping = (step * cells.block("damping")).reshape(-1, n, n)
     slow = slow_modes(step**2 * cells.block("square"), damping, step * cells.block("omega"))
-    given = shape.modes, shape.stops, shape.harmonics, shape.coupled, shape.moving
     free = bool(cells.block("neutral").any())
-    return layout_of(*given, shape.compliant, shape.rigid, bool(slow.any()), free, *flags)
+    return layout_of(
+        shape.modes, shape.stops, shape.harmonics, shape.coupled, shape.moving, shape.compliant, shape.rigid,
+        bool(slow.any()), free, *flags,
+    )  # fmt: skip
 
 
 def noted(layout: Layout) -> int:
@@ -73,10 +75,10 @@ class SystemSweep:
 
     def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
         window = measurement.impacts
-        asked = frozenset(measurement.indices)
-        of_stops = {"mean_force", "max_force", *(("dissipation", "work_rate") if cells.shape.compliant else ())}
-        forceful, draining = bool(asked & of_stops), "damper_rate" in asked
-        self.layout = layout_for(cells, forceful, measurement.thorough, "grazing_margin" in asked, draining)
+        indices = frozenset(measurement.indices)
+        of_forces = {"mean_force", "max_force", *(("dissipation", "work_rate") if cells.shape.compliant else ())}
+        forceful, draining = bool(indices & of_forces), "damper_rate" in indices
+        self.layout = layout_for(cells, forceful, measurement.thorough, "grazing_margin" in indices, draining)
         self.window, self.by_stop = window, measurement.by_stop
         bounds = float(window.transient), float(window.transient + window.keep)
         self.total = march.Window(*bounds, measurement.early_closing)
@@ -118,33 +120,34 @@ class SystemSweep:
         began, ended = (_turns(*notes[at : at + 3]) for at in (march.BEGAN, march.ENDED))
         span = ended - began
         sums = notes[march.SUMS :].reshape(self.layout.stops + 1, march.EACH, -1).swapaxes(0, 1)
-        own = sums[:, :-1]
+        of_stops = sums[:, :-1]  # the last sums are those of all stops together
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = _of_impacts(own, notes[march.STOP], span, h, self.by_stop)
+            indices = _of_impacts(of_stops, notes[march.STOP], span, h, self.by_stop)
             period = 2.0 * math.pi / self.omega[done]
-            found |= self._forces(notes, own, found["dissipation"], span * period, period)
+            indices |= self._forces(notes, of_stops, indices["dissipation"], span * period, period)
             if self.layout.thorough:
                 growth, per_impact = _growth(notes, began, ended, self.window)
-                found["lyapunov"], found["lyapunov_per_impact"] = growth / period, per_impact
+                indices["lyapunov"], indices["lyapunov_per_impact"] = growth / period, per_impact
                 # A cycle from which neighbours part faster than in proportion to impacts is passed by.
                 stable = ~(per_impact * self.window.keep > math.log(self.window.keep))
-                found["n_periods"] = np.where(stable, notes[march.PERIODS], 0.0)
-                found["n_impacts"] = np.where(stable, notes[march.IMPACTS], 0.0)
+                indices["n_periods"] = np.where(stable, notes[march.PERIODS], 0.0)
+                indices["n_impacts"] = np.where(stable, notes[march.IMPACTS], 0.0)
                 unresolved = np.isneginf(notes[march.GREW]) & (notes[march.UNSURE] > notes[march.REFERENCE])
-                found["n_periods"] = np.where(unresolved, 0.0, found["n_periods"])
-                found["n_impacts"] = np.where(unresolved, -1.0, found["n_impacts"])
-                turned = own[march.TURNED]
+                indices["n_periods"] = np.where(unresolved, 0.0, indices["n_periods"])
+                indices["n_impacts"] = np.where(unresolved, -1.0, indices["n_impacts"])
+                turned = of_stops[march.TURNED]
                 repeats = (notes[march.IMPACTS] > 0.0) & (turned.sum(axis=0) == notes[march.IMPACTS]) & stable
                 rate = (turned if self.by_stop else notes[march.IMPACTS]) / notes[march.PERIODS]
-                found["impacts_per_period"] = np.where(repeats, rate, found["impacts_per_period"])
-                misses = own[march.MISS]
-                found["grazing_margin"] = misses if self.by_stop else misses.min(axis=0, initial=math.inf)
+                indices["impacts_per_period"] = np.where(repeats, rate, indices["impacts_per_period"])
+                misses = of_stops[march.MISS]
+                indices["grazing_margin"] = misses if self.by_stop else misses.min(axis=0, initial=math.inf)
                 since = ended - _turns(*notes[march.REFERENCE_TIME : march.REFERENCE_TIME + 3])
-                cycle, rests = notes[march.PERIODS], own if self.by_stop else sums[:, -1]
+                cycle, rests = notes[march.PERIODS], of_stops if self.by_stop else sums[:, -1]
                 rested = np.where(cycle > 0.0, rests[march.RESTING], rests[march.LATEST] - rests[march.BEFORE])
-                found["stick_fraction"] = rested / np.where(cycle > 0.0, cycle, since)
+                indices["stick_fraction"] = rested / np.where(cycle > 0.0, cycle, since)
         columns = {
-            name: np.where(full, values, EVERY[name].fill).T.astype(EVERY[name].dtype) for name, values in found.items()
+            name: np.where(full, values, EVERY[name].fill).T.astype(EVERY[name].dtype)
+            for name, values in indices.items()
         }
         counted = {
             "counted": notes[march.HITS] - notes[march.ADDED],
@@ -158,8 +161,9 @@ class SystemSweep:
             stop = notes[march.STOP].astype(np.int64)
             columns["first_stop"] = np.where(first_kept, stop, -1)
             columns["first_phase"] = began % 1.0
-            columns["first_velocity"] = own[march.FIRST, stop, np.arange(len(ends))] / h
-            columns["struck"] = (own[march.COUNT] > 0.0).T @ (1 << np.arange(self.layout.stops))  # a bit for each stop
+            columns["first_velocity"] = of_stops[march.FIRST, stop, np.arange(len(ends))] / h
+            bits = 1 << np.arange(self.layout.stops)  # one for each stop
+            columns["struck"] = (of_stops[march.COUNT] > 0.0).T @ bits
         return columns | {
             "status": statuses(counted, ends, self.window),
             "impacts": counted["counted"].astype(np.int64),

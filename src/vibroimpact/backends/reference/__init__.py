@@ -32,8 +32,8 @@ from vibroimpact.status import Status
 
 
 @dataclass
-class Witness:
-    """What a window has seen so far of one cell."""
+class Record:
+    """What a window has recorded so far of one cell."""
 
     impacts: list[tuple[float, float, float]] = field(default_factory=list)
     sticks: list[tuple[float, float, float, float]] = field(default_factory=list)
@@ -68,99 +68,99 @@ class ReferenceCell:
     def indices(self, window: ImpactWindow) -> tuple[Samples, int, dict[str, float]]:
         """Return the impacts that a window keeps, how many were recorded in all, and the indices."""
         ledger = Ledger(self.free)
-        seen, computed = self.impacts(window, ledger)
-        if not Status(seen.status).has_indices:
-            return seen, computed, {}
+        samples, computed = self.impacts(window, ledger)
+        if not Status(samples.status).has_indices:
+            return samples, computed, {}
         account = Account(ledger, self.restitution, self.speed_scale, self.loss)
-        return seen, computed, impact_indices(seen, self.loss) | account.indices(window.transient)
+        return samples, computed, impact_indices(samples, self.loss) | account.indices(window.transient)
 
     def impacts(self, window: ImpactWindow, ledger: Ledger | None = None) -> tuple[Samples, int]:
         """Return the impacts that a window keeps, and how many were recorded in all; a ledger takes down the rest."""
-        seen = Witness()
+        record = Record()
         wanted = window.transient + window.keep
         state, age, weak = self.start, 0.0, False
         for event in motion(self.free, self.restitution, self.start, self.cut):
-            seen.steps += 1
+            record.steps += 1
             if ledger is not None:
                 ledger.write(event)
             if isinstance(event, Contact):
                 state, age = event.after, 0.0
                 if event.counts:
-                    seen.recorded += 1
-                    if seen.recorded > window.transient:
-                        seen.impacts.append((state.periods, state.phase, event.speed))
-                    if seen.recorded == wanted:
+                    record.recorded += 1
+                    if record.recorded > window.transient:
+                        record.impacts.append((state.periods, state.phase, event.speed))
+                    if record.recorded == wanted:
                         break
                 # Unforced rebounds only get weaker; the second below the cut shows that the stop stays in reach.
                 elif weak and self.free.drive == 0.0 and self.free.preload >= 0.0:
-                    seen.ended = Status.DECAYING
+                    record.ended = Status.DECAYING
                     break
                 weak = not event.counts
             elif isinstance(event, Rest):
                 state = event.release or event.settled
-                if seen.impacts:
-                    seen.stick(event, True)
+                if record.impacts:
+                    record.stick(event, True)
                 if event.release is None:
-                    seen.ended = Status.STUCK_FOREVER
+                    record.ended = Status.STUCK_FOREVER
             else:
                 state, age = event.end, age + event.duration
-                seen.ended = self._ending(state, age, seen, self.steps_per_impact * wanted)
-                if seen.ended != Status.OK:
+                record.ended = self._ending(state, age, record, self.steps_per_impact * wanted)
+                if record.ended != Status.OK:
                     break
-        return self._samples(seen, window, state), seen.recorded
+        return self._samples(record, window, state), record.recorded
 
-    def _ending(self, state: State, age: float, seen: Witness, granted: float) -> Status:
+    def _ending(self, state: State, age: float, record: Record, granted: float) -> Status:
         free = self.free
         # Without force and gap no later impact is faster than this.
         fastest_left = math.hypot(state.velocity, free.natural * state.clearance)
         if state.clearance > 0.0 and (free.never_again(state) or (self.unforced_at_stop and fastest_left < self.cut)):
             dying = Status.DECAYING if self.unforced_at_stop else Status.STOPPED_IMPACTING
-            return dying if seen.recorded else Status.NO_IMPACT
-        return Status.BUDGET if age > self.longest_flight or seen.steps > granted else Status.OK
+            return dying if record.recorded else Status.NO_IMPACT
+        return Status.BUDGET if age > self.longest_flight or record.steps > granted else Status.OK
 
     def looks(self, window: StroboscopicWindow) -> Samples:
         """Return the samples of a stroboscopic window."""
-        seen = Witness()
+        record = Record()
         periods, phase = window.schedule(self.start.periods, self.start.phase)
         granted = self.steps_per_impact * (window.skip_periods + math.ceil(window.keep / window.per_period) + 1)
         for event in motion(self.free, self.restitution, self.start, self.cut):
-            seen.steps += 1
-            pending = slice(len(seen.looks), None)
+            record.steps += 1
+            pending = slice(len(record.looks), None)
             if isinstance(event, Contact):
                 if event.counts:
-                    seen.impacts.append((event.after.periods, event.after.phase, event.speed))
+                    record.impacts.append((event.after.periods, event.after.phase, event.speed))
                 continue
             if isinstance(event, Rest):
                 # The look that ends the window may come before the release, which it then does not see.
                 ahead = self._ahead(event.settled, periods[pending], phase[pending])
                 stays = math.inf if event.release is None else time_between(self.free, event.settled, event.release)
-                seen.looks += [(0.0, 0.0)] * int(np.sum(ahead < stays))
-                seen.stick(event, len(seen.looks) < len(periods))
+                record.looks += [(0.0, 0.0)] * int(np.sum(ahead < stays))
+                record.stick(event, len(record.looks) < len(periods))
             else:
                 ahead = self._ahead(event.start, periods[pending], phase[pending])
                 clearance, velocity = self.free.after(event.start, ahead[ahead < event.duration])
-                seen.looks += zip(clearance.tolist(), velocity.tolist(), strict=True)
-            if len(seen.looks) == len(periods):
+                record.looks += zip(clearance.tolist(), velocity.tolist(), strict=True)
+            if len(record.looks) == len(periods):
                 break
-            if seen.steps > granted:
-                seen.ended = Status.BUDGET
+            if record.steps > granted:
+                record.ended = Status.BUDGET
                 break
-        at = len(seen.looks) - 1
-        last = State(*seen.looks[at], periods[at], phase[at]) if seen.looks else self.start
-        return self._samples(seen, window, last, periods, phase)
+        at = len(record.looks) - 1
+        last = State(*record.looks[at], periods[at], phase[at]) if record.looks else self.start
+        return self._samples(record, window, last, periods, phase)
 
     def _ahead(self, state: State, periods: Floats, phase: Floats) -> Floats:
         ahead: Floats = ((periods - state.periods) + (phase - state.phase)) * self.free.period
         return ahead
 
     def _samples(
-        self, seen: Witness, window: ImpactWindow | StroboscopicWindow, last: State, *schedule: Floats
+        self, record: Record, window: ImpactWindow | StroboscopicWindow, last: State, *schedule: Floats
     ) -> Samples:
-        impacts = np.array(seen.impacts).reshape(-1, 3)
-        sticks = np.array(seen.sticks).reshape(-1, 4)
-        clearance, velocity = np.array(seen.looks).reshape(-1, 2).T
+        impacts = np.array(record.impacts).reshape(-1, 3)
+        sticks = np.array(record.sticks).reshape(-1, 4)
+        clearance, velocity = np.array(record.looks).reshape(-1, 2).T
         times = [part[: len(clearance)] for part in schedule or (np.empty(0), np.empty(0))]
-        status = seen.ended
+        status = record.ended
         if isinstance(window, ImpactWindow):
             status = impacts_status(impacts, sticks, window, status)
         elif status == Status.OK:
@@ -171,7 +171,7 @@ class ReferenceCell:
             sticks=sticks,
             status=status,
             last=astuple(last),
-            steps=seen.steps,
+            steps=record.steps,
         )
 
 

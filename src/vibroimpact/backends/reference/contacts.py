@@ -46,8 +46,8 @@ def impact_law(coupling: Floats, restitution: Floats, rates: Floats) -> tuple[Fl
     (array([1., 0.]), array([3., 0.]))
     """
     rates = np.asarray(rates, float)
-    own = np.sqrt(np.diag(coupling))
-    alike, speeds = coupling / np.outer(own, own), rates / own  # rates and impulses are now roots of energies
+    root = np.sqrt(np.diag(coupling))
+    alike, speeds = coupling / np.outer(root, root), rates / root  # rates and impulses are now roots of energies
     rounding = BALANCE * float(np.abs(speeds).max(initial=0.0))
     best: tuple[float, Floats, Floats] | None = None
     for active in subsets(list(range(len(rates)))):
@@ -64,7 +64,7 @@ def impact_law(coupling: Floats, restitution: Floats, rates: Floats) -> tuple[Fl
         slack[index] = 0.0
         wrong = -min(float(slack.min(initial=0.0)), float(impulses.min(initial=0.0)))
         if best is None or wrong < best[0]:
-            best = wrong, own * after, impulses / own
+            best = wrong, root * after, impulses / root
         if wrong <= rounding:
             break
     assert best is not None  # the empty set is never singular
@@ -74,7 +74,7 @@ def impact_law(coupling: Floats, restitution: Floats, rates: Floats) -> tuple[Fl
 
 
 def held_closed(
-    eq: Equations, x: Floats, touched: list[int], springs: tuple[int, ...] = ()
+    eq: Equations, x: Floats, touched: list[int], springs: tuple[int, ...]
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Return the rigid stops that push, and all that stay closed, of those touched with a rate of zero.
 

@@ -105,8 +105,8 @@ class Trajectory:
         """Return displacements and velocities at times in s, shape (times, n); just after an impact at its instant."""
         begins = np.array([begin for begin, _, _ in self.pieces])
         n = len(self.end.displacement)
-        found = np.empty((np.size(times), 2 * n))
-        for row, time in zip(found, np.ravel(times), strict=True):
+        states = np.empty((np.size(times), 2 * n))
+        for row, time in zip(states, np.ravel(times), strict=True):
             begin, phase, x = self.pieces[max(int(np.searchsorted(begins, time, side="right")) - 1, 0)]
             row[:] = phase.moved(x, time - begin)[: 2 * n]
-        return found[:, :n], found[:, n:]
+        return states[:, :n], states[:, n:]

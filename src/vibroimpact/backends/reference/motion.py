@@ -84,8 +84,8 @@ def rebound(free: FreeMotion, restitution: float, at: State, speed: float, cut: 
     at_rest = replace(on_stop, velocity=0.0)
     tail = 2.0 * restitution * speed / ((1.0 - restitution) * push)
     release = free.release(at)
-    left = math.inf if release is None else time_between(free, at, release)
-    if tail < CERTAIN * left and tail * free.fastest < SHORT:
+    until_release = math.inf if release is None else time_between(free, at, release)
+    if tail < CERTAIN * until_release and tail * free.fastest < SHORT:
         tail -= tail * tail * (free.jerk(at.phase) / (3.0 * push) + free.damp / 6.0)
         return at_rest, at_rest.later(tail / free.period)
     return (at_rest, at_rest) if speed < HOLD * cut else (leaving, leaving)
@@ -119,9 +119,9 @@ def fly(free: FreeMotion, state: State) -> Piece:
     ends = free.block @ x
     starts = np.concatenate([x[None], ends[:-1]])
     for i in np.flatnonzero(verdict(free, starts, ends, free.stride) != CLEAR):
-        found = _first_within(free, starts[i], ends[i], free.stride, HALVINGS)
-        if found is not None:
-            time, speed = found
+        contact = _first_within(free, starts[i], ends[i], free.stride, HALVINGS)
+        if contact is not None:
+            time, speed = contact
             return piece(float(i) * free.stride + time, 0.0, speed, speed)
     return piece(BLOCK * free.stride, float(ends[-1, 0]), -float(ends[-1, 1]), None)
 
@@ -167,11 +167,11 @@ def _first_within(
     free: FreeMotion, start: Floats, end: Floats, span: float, halvings: int
 ) -> tuple[float, float] | None:
     """Return time and speed of the first contact on an interval, or None; a graze to within rounding."""
-    found = verdict(free, start, end, span)
-    if found == BOWL:
+    shape = verdict(free, start, end, span)
+    if shape == BOWL:
         span, end = root(free, start, span, 1)
-        found = CONTACT if end[0] <= 0.0 else CLEAR
-    if found == DOUBT and halvings > 0:
+        shape = CONTACT if end[0] <= 0.0 else CLEAR
+    if shape == DOUBT and halvings > 0:
         half = 0.5 * span
         middle = free.propagators([half])[0] @ start
         early = _first_within(free, start, middle, half, halvings - 1)
@@ -179,7 +179,7 @@ def _first_within(
             return early
         late = _first_within(free, middle, end, half, halvings - 1)
         return None if late is None else (half + late[0], late[1])
-    if found == CLEAR or end[0] > 0.0:
+    if shape == CLEAR or end[0] > 0.0:
         return None
     time, there = root(free, start, span, 0)
     return time, max(-float(there[1]), 0.0)
@@ -233,7 +233,7 @@ def _minima(free: FreeMotion, starts: Floats, ends: Floats, spans: Floats) -> li
     A function with |F''| <= B differs from its chord by at most B span^2/8: u' with B a bound of |u'''|, u'' with one
     of |u''''|. Where u cannot change by more than a rounding there is no turn.
     """
-    found = []
+    minima = []
     for _ in range(HALVINGS):
         b2, b3, b4, _ = free.bounds(starts, spans)
         p0, p1 = starts[:, 1], ends[:, 1]
@@ -242,7 +242,7 @@ def _minima(free: FreeMotion, starts: Floats, ends: Floats, spans: Floats) -> li
         bends_down = np.maximum(a0, a1) + b4 * spans**2 / 8 < 0.0
         bends_up = np.minimum(a0, a1) - b4 * spans**2 / 8 > 0.0
         for i in np.flatnonzero(bends_up & (p0 < 0.0) & (p1 >= 0.0)):
-            found.append(max(float(root(free, starts[i], spans[i], 1)[1][0]), 0.0))
+            minima.append(max(float(root(free, starts[i], spans[i], 1)[1][0]), 0.0))
         still = (np.maximum(np.abs(p0), np.abs(p1)) + b2 * spans) * spans <= ROUNDING * np.abs(starts[:, 0])
         doubt = ~(moves_on | bends_down | bends_up | still)
         if not doubt.any():
@@ -251,4 +251,4 @@ def _minima(free: FreeMotion, starts: Floats, ends: Floats, spans: Floats) -> li
         middles = np.einsum("nij,nj->ni", free.propagators(spans), starts)
         starts, ends = np.concatenate([starts, middles]), np.concatenate([middles, ends])
         spans = np.tile(spans, 2)
-    return found
+    return minima

@@ -154,8 +154,9 @@ class Equations:
         none = np.zeros((self.s, 2 * self.n + 2 * self.s))
         self.bending = np.column_stack([none, bends / self.length]) - self.directions @ self.acceleration
         self.slack = np.zeros_like(self.bending)  # k u + c u': minus the force of a compliant stop
-        own = np.arange(self.s)
-        self.slack[own, 2 * self.n + own], self.slack[own, 2 * self.n + self.s + own] = self.springs, self.dampers
+        stops = np.arange(self.s)
+        self.slack[stops, 2 * self.n + stops] = self.springs
+        self.slack[stops, 2 * self.n + self.s + stops] = self.dampers
         self.phases: dict[tuple[tuple[int, ...], tuple[int, ...]], Phase] = {}
 
     def basis(self, phase: float) -> Floats:
@@ -173,8 +174,8 @@ class Equations:
     def restitution(self, rates: Floats) -> Floats:
         """Return r of every stop, whose clearance has that rate before an impact."""
         speeds = np.maximum(-rates, 0.0)
-        found = [law(float(v)) if callable(law) else law for law, v in zip(self.laws, speeds, strict=True)]
-        return np.array(found, float)
+        values = [law(float(v)) if callable(law) else law for law, v in zip(self.laws, speeds, strict=True)]
+        return np.array(values, float)
 
     def phase(self, held: tuple[int, ...], pushing: tuple[int, ...] = ()) -> Phase:
         """Return the phase in which rigid stops are held closed and compliant ones push, made once."""
@@ -224,10 +225,10 @@ class Phase:
 
     def series(self, x: Floats) -> Floats:
         """Return the coefficients of the powers of time in X, shape (TERMS, size); x may have columns."""
-        found = [x]
+        terms = [x]
         for k in range(1, TERMS):
-            found.append(self.matrix @ found[-1] / k)
-        return np.array(found)
+            terms.append(self.matrix @ terms[-1] / k)
+        return np.array(terms)
 
     @cached_property
     def block(self) -> Floats:
@@ -282,9 +283,9 @@ class Phase:
             at = {}
             for m in np.flatnonzero(near[:, i]):
                 begin = watched[index[m]] if i == 0 else 0.0
-                found = self._first_zero(self.rows[index[m]], states[i], begin)
-                if found is not None:
-                    at[index[m]] = found
+                time = self._first_zero(self.rows[index[m]], states[i], begin)
+                if time is not None:
+                    at[index[m]] = time
             if at:
                 first = min(at.values())
                 if i * self.stride + first > longest:
@@ -340,10 +341,10 @@ def _powers(matrix: Real) -> Real:
 
 def _with_roots(function: Callable[[float], float], knots: list[float]) -> list[float]:
     """Return the knots and, between any two at which the function has different signs, its root."""
-    found = knots[:1]
+    refined = knots[:1]
     for low, high in pairwise(knots):
         before, after = function(low), function(high)
         if before * after < 0.0 or (before != 0.0 != after and (before < 0.0) != (after < 0.0)):
-            found.append(float(brentq(function, low, high, xtol=1e-300, rtol=NEARLY, maxiter=2000)))
-        found.append(high)
-    return found
+            refined.append(float(brentq(function, low, high, xtol=1e-300, rtol=NEARLY, maxiter=2000)))
+        refined.append(high)
+    return refined

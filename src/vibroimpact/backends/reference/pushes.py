@@ -42,16 +42,16 @@ def pushes(phase: Phase, x: Floats, time: float) -> dict[int, Push]:
     series = phase.series(states.T)  # (powers of time, X, strides)
     powers = (lengths[:, None] * (1.0 + NODES) / 2.0)[..., None] ** np.arange(TERMS)
     weights = lengths[:, None] * WEIGHTS / 2.0
-    found = {}
+    work = {}
     for j in phase.pushing:
         force = np.einsum("x,pxi->ip", phase.rows[FORCE, j, 0], series)
         clearance, rate = np.einsum("ox,pxi->oip", phase.rows[CLEARANCE, j, :2], series)
         at = np.einsum("ip,inp->in", force, powers) * weights
         lost = -at * np.einsum("ip,inp->in", rate, powers)
-        found[j] = Push(
+        work[j] = Push(
             float(at.sum()), float(lost.sum()), _largest(force, lengths), _largest(-clearance, lengths), time
         )
-    return found
+    return work
 
 
 def _largest(series: Floats, lengths: Floats) -> float:
