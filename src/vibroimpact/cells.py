@@ -73,7 +73,7 @@ class Cells:
 
     @property
     def coordinates(self) -> int:
-        """How many coordinates each cell has."""
+        """How many coordinates each cell has, a free centre not counted."""
         return 1
 
     @property

@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibroimpact.cells import BEYOND, COUNTABLE, Cells, Floats, spread
 from vibroimpact.matrices import nearest
@@ -166,8 +167,14 @@ class SystemCells(Cells):
 
     @property
     def coordinates(self) -> int:
-        """How many coordinates each cell has."""
-        return self.shape.modes
+        """How many coordinates each cell has, a free centre not counted."""
+        return int(np.count_nonzero(self._felt))
+
+    @property
+    def _felt(self) -> NDArray[np.bool_]:
+        """Which modes have a drift that a stop or a spring feels, in any of the cells."""
+        felt: NDArray[np.bool_] = (self.block("neutral")[:, self.shape.modes :] == 0.0).any(axis=0)
+        return felt
 
     @property
     def phases(self) -> Floats:
@@ -198,8 +205,7 @@ class SystemCells(Cells):
         coordinates are spread besides, each mode's to as much energy as V takes at the stop, but for a centre whose
         drift nothing feels. Without stops none is.
         """
-        felt = (self.block("neutral")[:, self.shape.modes :] == 0.0).any(axis=0)
-        n, s = int(np.count_nonzero(felt)), self.shape.stops
+        felt, n, s = self._felt, self.coordinates, self.shape.stops
         if not s:
             return self
         counted = np.asarray(numbers, np.int64)
