@@ -738,3 +738,12 @@ def test_what_cannot_be_asked_for_is_refused():
             vi.find_orbit(two_sided(), **arguments)
     with pytest.raises(ValueError, match="stops to strike"):
         vi.find_orbit(two_sided(stops=[]))
+
+
+@pytest.mark.parametrize(
+    "osc", [vi.ImpactOscillator(omega=2.0), vi.models.impact_damper()], ids=["one mass", "a system"]
+)
+def test_an_orbit_tells_its_motion_at_one_time_as_at_several(osc):
+    orbit = vi.find_orbit(osc, n_impacts=2 if osc.coordinates == 2 else 1)[0]
+    for one, several in zip(orbit.motion(0.1), orbit.motion([0.1, 0.2]), strict=True):
+        assert np.ravel(one) == pytest.approx(np.ravel(several[0]), rel=1e-15)

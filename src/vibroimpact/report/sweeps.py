@@ -29,7 +29,7 @@ CHATTER = 1e-6  # of the hardest impact: softer ones only show where a chatter w
 
 
 def map_sentences(dataset: xr.Dataset) -> Iterator[str]:
-    """Yield what a map holds: ranges of its indices, its motions, and how they ended."""
+    """Yield what a map, or what `classify` made of it, holds: ranges of indices, its motions, and how they ended."""
     several = dataset.sizes.get("start", 1)
     dims = [str(dim) for dim in dataset["status"].dims if dim != "start"]
     axes = [str(name) for dim in dims for name, axis in dataset.coords.items() if axis.dims == (dim,)]
@@ -48,7 +48,9 @@ def map_sentences(dataset: xr.Dataset) -> Iterator[str]:
     if "start" in dataset.dims:
         yield from hits_of(dataset)
         yield f"of the {dataset['status'].size:,} motions:"
-    if set(NEEDED) <= set(map(str, dataset.data_vars)):
+    if "motion" in dataset:  # they are classified already
+        yield from _motions(dataset)
+    elif set(NEEDED) <= set(map(str, dataset.data_vars)):
         yield from _motions(classify(dataset))
     codes, counts = np.unique(dataset["status"].values, return_counts=True)
     for code, count in sorted(zip(codes, counts, strict=True), key=lambda pair: -pair[1]):
