@@ -23,6 +23,7 @@ from vibroimpact.cells import Floats
 from vibroimpact.model import Model, State
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import cycle_name
+from vibroimpact.motion.recognition import recurrence
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import SAME, TURN
 from vibroimpact.orbits.newton import CLOSE, MOST_STEPS, SHORTEST, SINGULAR, Solved
@@ -71,15 +72,13 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOr
         if guess.sticks:  # at the same phase, which is quiet
             state = replace(state, time=state.time * system.period / guess.orbit.oscillator.period)
         else:
-            state = _quiet_state(system, carrier, state, n_periods)
+            state = _quiet_state(_follow(system, state, n_periods), carrier, state, system.period, n_periods)
         solved, derivative = _solve(carrier, state, system.period, n_periods)
     except ValueError as error:  # beyond a stop, or not to be followed
         return Orbits(outcome="not_converged", message=str(error))
     if solved.singular or not solved.converged:
         return lost(solved, name)
     state = _state(carrier, solved.z, state.time)
-    if guess.sticks:
-        state = _quiet_state(system, carrier, state, n_periods)
     history = _follow(system, state, n_periods)
     first = history.displacements[0]
     distances = np.abs(history.displacements - first).max(axis=1) / np.abs(first).max()
@@ -91,6 +90,8 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOr
         return Orbits(outcome="other_name", message=f"converged to a {reached} orbit, which rests at no stop")
     if periods < n_periods:
         return other_name(cycle_name(periods, -1), name)
+    if guess.sticks:
+        state = _quiet_state(history, carrier, state, system.period, n_periods)
     orbit = _orbit(model, history, state, multipliers_of(derivative), n_periods)
     return Orbits([orbit], message=f"1 {name} orbit")
 
@@ -106,14 +107,19 @@ def _settled(system: ImpactSystem, looks: int = 1) -> Any:
 def periods_from_rest(system: ImpactSystem, longest: int) -> int:
     """Return the driving periods (up to 100) of the cycle that the motion from rest settles to, if it rests; else 0."""
     try:
-        samples = _settled(system, min(longest, RETURNS) + 1)
+        samples = _settled(system, 2 * RETURNS)
     except ValueError:
         return 0
-    states = np.hstack([samples.look_displacement, samples.look_velocity / system.velocity_scale])
-    apart = np.abs(states[1:] - states[0]).max(axis=1) / np.abs(states).max()
-    again = np.flatnonzero(apart <= SAME)
     over = samples.rest_end.sum(axis=1) < samples.look_periods[0] + samples.look_phase[0]
-    return int(again[0]) + 1 if len(again) and not over.all() else 0
+    displacements = _beside_centre(system, samples.look_displacement)
+    return 0 if over.all() else recurrence(*displacements.T, tolerance=SAME, longest=min(longest, RETURNS))
+
+
+def _beside_centre(system: ImpactSystem, displacements: Floats) -> Floats:
+    """Return coordinates, a row for each instant, less those of a free centre."""
+    form = system.modal()
+    beside: Floats = displacements - displacements @ form.inverse[form.neutral[0]].T @ form.shapes[:, form.neutral[0]].T
+    return beside
 
 
 def _state(carrier: Carrier, x: Floats, time: float) -> State:
@@ -126,8 +132,7 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _History:
     samples: Any
     window = StroboscopicWindow(0, 2 * n_periods + 1)
     (samples,) = get_backend("cpu").samples(system.cells({}, state), Measurement(window))
-    first, names, form = state.time / system.period, system.stop_names, system.modal()
-    centre = form.inverse[form.neutral[0]].T @ form.shapes[:, form.neutral[0]].T
+    first, names = state.time / system.period, system.stop_names
     times = samples.impact_periods + samples.impact_phase
     within = times < first + n_periods
     rests: list[Rest] = []
@@ -148,16 +153,16 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _History:
         samples.impact_velocity[within],
         samples.impact_impulse[within],
         tuple(rests),
-        samples.look_displacement - samples.look_displacement @ centre,
+        _beside_centre(system, samples.look_displacement),
     )
 
 
-def _quiet_state(system: ImpactSystem, carrier: Carrier, state: State, n_periods: int) -> State:
-    """Return a motion's state in the middle of its longest quiet time, with all stops open if it has one.
+def _quiet_state(history: _History, carrier: Carrier, state: State, period: float, n_periods: int) -> State:
+    """Return the state in the middle of the longest quiet time after another, with all stops open if there is one.
 
     It stays in the present one unless another is twice as long.
     """
-    history, first = _follow(system, state, n_periods), state.time / system.period
+    first = state.time / period
     begins, ends = np.array([rest[1:] for rest in history.rests]).reshape(-1, 2).T
     events = np.unique((np.concatenate([history.times, begins, ends]) - first) % n_periods)
     if not len(events):
@@ -170,7 +175,7 @@ def _quiet_state(system: ImpactSystem, carrier: Carrier, state: State, n_periods
     x = carrier.state(np.array(state.displacement), np.array(state.velocity))
     later = middles[at] % n_periods
     x, _ = carrier.over(x, first % 1.0, later)
-    return _state(carrier, x, (first + later) % 1.0 * system.period)
+    return _state(carrier, x, (first + later) % 1.0 * period)
 
 
 def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tuple[Solved, Floats]:
