@@ -21,8 +21,8 @@ from vibroimpact.continuation.branch import walk
 from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.results import BifurcationPoint, Boundary
 from vibroimpact.model import Model
-from vibroimpact.motion import MotionClass, listed, motion_name
-from vibroimpact.motion.classes import NEEDED, classify
+from vibroimpact.motion import NAMING, MotionClass, listed, motion_name
+from vibroimpact.motion.classes import classify
 from vibroimpact.orbits import systems
 from vibroimpact.orbits.equations import Cycle, Floats
 from vibroimpact.orbits.orbit import Orbit, make_orbit
@@ -178,7 +178,7 @@ def coverage(model: Model, plane: Plane, report: Report) -> Coverage:
     }
     sweep = parameter_map(
         model,
-        indices=NEEDED[:3],
+        indices=NAMING,
         transient_impacts=WINDOW.transient,
         sample_impacts=WINDOW.keep,
         progress=report,

@@ -20,7 +20,7 @@ from vibroimpact.explorer.plane import OTHERS, TRANSIENT, WORST, positions
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import View
 from vibroimpact.figures import MOTION
-from vibroimpact.motion.classes import NEEDED
+from vibroimpact.motion import NAMING
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def _axis(view: View, axis: str) -> tuple[float, float]:
 def _indices(view: View) -> tuple[str, ...]:
     """Return the index shown, and those that motions are classified by."""
     shown = () if view.index == MOTION else (view.index,)
-    return tuple(dict.fromkeys((*shown, *NEEDED[:3])))
+    return tuple(dict.fromkeys((*shown, *NAMING)))
 
 
 def python_lines(view: View) -> str:

@@ -16,8 +16,8 @@ from matplotlib.patches import FancyBboxPatch, Rectangle
 from vibroimpact.dataset import model_from
 from vibroimpact.figures import check_size
 from vibroimpact.model import Model, State
-from vibroimpact.motion import motion_name, refined
-from vibroimpact.motion.classes import NEEDED, classify
+from vibroimpact.motion import NAMING, motion_name, refined
+from vibroimpact.motion.classes import classify
 from vibroimpact.parameters import several
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.orbits import phase_portrait, time_history
@@ -245,7 +245,7 @@ def _heads(design: xr.Dataset) -> Iterator[str]:
 def _motion_from_rest(model: Any) -> str:
     """Return the name of the motion that a start from rest settles to."""
     window: dict[str, Any] = {"transient_impacts": SETTLED, "sample_impacts": SAMPLED}
-    cell = classify(parameter_map(model, omega=[model.omega], indices=NEEDED[:-1], **window)).isel(omega=0)
+    cell = classify(parameter_map(model, omega=[model.omega], indices=NAMING, **window)).isel(omega=0)
     return motion_name(int(refined(cell["motion"], cell["status"])), int(cell["n_periods"]), int(cell["n_impacts"]))
 
 

@@ -13,10 +13,10 @@ import numpy as np
 from vibroimpact.dataset import level_variable, plain_variable
 from vibroimpact.execution.base import Gathered, Place, usual_tile
 from vibroimpact.execution.places import check_place, computing
-from vibroimpact.motion import may_wind
+from vibroimpact.motion import NAMING, may_wind
 from vibroimpact.parameters import invalid, real_number, several, whole_number
 from vibroimpact.progress import Report, Stop, reporter
-from vibroimpact.refinement.picture import NAMING, Picture, finer, refine_picture
+from vibroimpact.refinement.picture import Picture, finer, refine_picture
 from vibroimpact.request import Places, Request, map_of
 
 if TYPE_CHECKING:

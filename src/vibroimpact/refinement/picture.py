@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import missing
-from vibroimpact.motion import MotionClass, decide, stored
-from vibroimpact.motion.classes import NEEDED
+from vibroimpact.motion import NAMING, MotionClass, decide, stored
 from vibroimpact.request import Places
 from vibroimpact.status import Status
 
 FILLED = -1  # the level of a cell that was not computed
-NAMING = NEEDED[:3]  # the indices that a class is decided from
 KINDS = 8  # by which a motion's code counts: its class is the rest
 BAND = 256  # rows filled at a time, to save memory
 Arrays = Mapping[str, NDArray[Any]]
