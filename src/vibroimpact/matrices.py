@@ -243,3 +243,11 @@ def nearest(mass: Floats, directions: Floats, bounds: Floats) -> Floats | None:
             if (pushed <= 0.0).all() and (directions @ q <= bounds + slack).all():
                 return q
     return None
+
+
+def block_matrix(one: Floats, two: Floats, three: Floats, four: Floats) -> Floats:
+    """Return [[one, two], [three, four]]; `np.block` takes much longer to see what it is given."""
+    n, m = one.shape
+    whole = np.empty((n + len(three), m + two.shape[1]))
+    whole[:n, :m], whole[:n, m:], whole[n:, :m], whole[n:, m:] = one, two, three, four
+    return whole

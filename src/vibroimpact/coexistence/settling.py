@@ -30,7 +30,7 @@ from vibroimpact.coexistence.final import LATE, Fate, fate_of_release, thrifty
 from vibroimpact.coexistence.losses import Design, attracts, driven, lasting_stops, rest_is_contact
 from vibroimpact.coexistence.measuring import Measured, Runner, identifying, named
 from vibroimpact.indices import INDICES
-from vibroimpact.matrices import ROUNDING
+from vibroimpact.matrices import ROUNDING, block_matrix
 from vibroimpact.motion import MotionClass, decide, may_wind
 from vibroimpact.status import Status
 
@@ -283,7 +283,7 @@ def _loads(osc: Design) -> tuple[bool, bool, bool]:
     """
     form = osc.modal()
     n, zero, felt = len(form.squares), np.zeros_like(form.damping), ~form.neutral.ravel()
-    flow = np.block([[zero, np.eye(n)], [-np.diag(form.squares), -form.damping]])[np.ix_(felt, felt)]
+    flow = block_matrix(zero, np.eye(n), -np.diag(form.squares), -form.damping)[np.ix_(felt, felt)]
     size = np.abs(flow).sum(axis=1).max()
     decays = float(np.linalg.eigvals(flow).real.max()) < -n * ROUNDING * size
     return driven(form), decays, rest_is_contact(form)

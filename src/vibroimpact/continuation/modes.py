@@ -113,8 +113,12 @@ class Modes(Equations):
 
     def solved(self, x: Floats) -> tuple[Cycle, Floats]:
         """Return the cycle there, and its own unknown."""
+        return self._transformed(x)[:2]
+
+    def _transformed(self, x: Floats) -> tuple[Cycle, Floats, Floats]:
+        """Return the cycle there, its own unknown, and its modes by those of x."""
         p, (cycle, transform) = self.impacts, self._at(self.values(x))
-        return cycle, np.concatenate([TURN * x[:p], transform @ x[p : self.size]])
+        return cycle, np.concatenate([TURN * x[:p], transform @ x[p : self.size]]), transform
 
     def possible(self, x: Floats) -> bool:
         """Whether there is such a system of as many coordinates."""
@@ -145,14 +149,14 @@ class Modes(Equations):
 
     def _misses(self, x: Floats) -> Floats:
         """Return the scaled misses at the nearest values in the ranges."""
-        p, (cycle, unknown), transform = self.impacts, self.solved(x), self._at(self.values(x))[1]
+        p, (cycle, unknown, transform) = self.impacts, self._transformed(x)
         misses = cycle.misses(unknown)
         return np.concatenate([misses[:p] / self.scale, np.linalg.solve(transform, misses[p:])])
 
     def flights_jacobian(self, x: Floats) -> Floats:
         """Return the derivative of the misses by turns and state."""
-        p, (cycle, unknown), transform = self.impacts, self.solved(x), self._at(self.values(x))[1]
-        _, matrix = cycle.linearised(unknown)
+        p, (cycle, unknown, transform) = self.impacts, self._transformed(x)
+        matrix = cycle.derivative(unknown)
         matrix = np.hstack([TURN * matrix[:, :p], matrix[:, p:] @ transform])
         matrix[:p] /= self.scale
         matrix[p:] = np.linalg.solve(transform, matrix[p:])

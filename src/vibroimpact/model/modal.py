@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.matrices import KEPT, ROUNDING, blocks, closed, modes, scaled, symmetric
+from vibroimpact.matrices import KEPT, ROUNDING, block_matrix, blocks, closed, modes, scaled, symmetric
 
 TURNED = 1e-6  # at most, in rad: eigenvectors by rounding
 FREE = 0.01  # of the driving frequency: slower modes are masses without a spring where speeds are estimated
@@ -337,7 +337,7 @@ def _free_rate(*parts: bytes) -> float:
     squares, entries = map(np.frombuffer, parts)
     n, unit = len(squares), _power_of_two(math.sqrt(squares.max()) or np.abs(entries).max())
     squared, damping = np.diag(squares / unit / unit), entries.reshape(n, n) / unit
-    companion = np.block([[np.zeros((n, n)), np.eye(n)], [-squared, -damping]])
+    companion = block_matrix(np.zeros((n, n)), np.eye(n), -squared, -damping)
     return unit * max(float(np.abs(np.linalg.eigvals(companion)).max()), float(np.sqrt(squared.max())))
 
 

@@ -10,11 +10,12 @@ import numpy as np
 
 from vibroimpact.backends.base import Counts
 from vibroimpact.cells import Floats
+from vibroimpact.matrices import block_matrix
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import FEWEST_SAMPLES, STRIDE, TURN
 from vibroimpact.orbits.systems.cycle import Cycle, Leg
 from vibroimpact.orbits.systems.events import PUSH_AGAIN, Pushing
-from vibroimpact.orbits.systems.flow import Flow, blocks
+from vibroimpact.orbits.systems.flow import Flow
 
 MOST_SAMPLES = 1 << 16  # in a leg
 TERMS = 14  # of a power series over one stride: 0.15^14/14! is below rounding
@@ -207,7 +208,7 @@ def sampled(leg: Leg) -> Samples:
 def clearances(flow: Flow, pushing: Pushing) -> Floats:
     """Return the coefficients of the power series of each clearance as linear forms of state and drive."""
     phase = flow.phase(pushing)
-    whole = blocks(phase.matrix, phase.load, np.zeros(phase.load.T.shape), flow.turning)
+    whole = block_matrix(phase.matrix, phase.load, np.zeros(phase.load.T.shape), flow.turning)
     series = np.zeros((len(flow.beta), TERMS, len(whole)))
     series[:, 0] = np.hstack([-flow.beta / flow.units, np.zeros_like(flow.beta), flow.bounds])
     for j in range(1, TERMS):

@@ -202,6 +202,10 @@ class Cycle:
 
     def linearised(self, unknown: Floats) -> tuple[Floats, Floats]:
         """Return the misses and their derivative."""
+        return self.misses(unknown), self.derivative(unknown)
+
+    def derivative(self, unknown: Floats) -> Floats:
+        """Return the derivative of the misses."""
         flow, p, n = self.flow, len(self.events), self.flow.n
         angles, states = self.angles(unknown), self.states(unknown)
         drives = flow.drive(angles)
@@ -225,7 +229,7 @@ class Cycle:
         matrix[p:, p:] -= self.sign * np.eye(2 * n)
         if len(flow.centre):
             matrix[p:] = self.pinned(matrix[p:], np.eye(2 * n, p + 2 * n, p))
-        return self.misses(unknown), matrix
+        return matrix
 
     @cached_property
     def _pin(self) -> tuple[Floats, Floats]:

@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroimpact.cells import Floats
+from vibroimpact.matrices import block_matrix
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event, Pushing
 
@@ -46,14 +47,6 @@ def growth(matrix: Floats) -> Floats:
     for _ in range(squarings):
         grown = 2.0 * grown + grown @ grown
     return grown
-
-
-def blocks(one: Floats, two: Floats, three: Floats, four: Floats) -> Floats:
-    """Return [[one, two], [three, four]]; `np.block` takes much longer to see what it is given."""
-    n, m = one.shape
-    whole = np.empty((n + len(three), m + two.shape[1]))
-    whole[:n, :m], whole[:n, m:], whole[n:, :m], whole[n:, m:] = one, two, three, four
-    return whole
 
 
 class Phase(NamedTuple):
@@ -99,7 +92,7 @@ class Flow:
         self.turning[first + len(self.orders), first] = -self.orders
         to_displacement, to_rate = form.shapes / roots / self.units, self.omega * form.shapes / roots
         none = np.zeros((self.n, self.n))
-        self.physical = blocks(to_displacement, none, none, to_rate)
+        self.physical = block_matrix(to_displacement, none, none, to_rate)
         self._phases: dict[Pushing, Phase] = {}
         self._flights: dict[tuple[float, Pushing], tuple[Floats, Floats]] = {}
 
@@ -125,14 +118,14 @@ class Flow:
             push = push + np.outer(row, k * bound + c * bound @ self.turning)
         units, none = np.sqrt(np.maximum(np.diag(elastic), 1.0)) if stiff else self.units, np.zeros((n, n))
         # y'' = -elastic y - viscous y' + push z for the state (units y, y')
-        matrix = blocks(none, np.diag(units), -elastic / units, -viscous)
+        matrix = block_matrix(none, np.diag(units), -elastic / units, -viscous)
         load = np.vstack([np.zeros_like(push), push])
         whole, sizes = self._whole(matrix, load)
         fastest = float(max(units.max(), np.abs(viscous).sum(axis=1).max(), self.orders.max(initial=1.0)))
         if not stiff:
             return Phase(matrix, load, whole, sizes, fastest)
-        turned = blocks(units[:, None] * turn.T / self.units, none, none, turn.T)
-        back = blocks(self.units[:, None] * turn / units, none, none, turn)
+        turned = block_matrix(units[:, None] * turn.T / self.units, none, none, turn.T)
+        back = block_matrix(self.units[:, None] * turn / units, none, none, turn)
         return Phase(back @ matrix @ turned, back @ load, whole, sizes, fastest, turned, back)
 
     def _whole(self, matrix: Floats, load: Floats) -> tuple[Floats, Floats]:
@@ -141,7 +134,7 @@ class Flow:
         pairs = np.hypot(*sizes[1:].reshape(2, -1))  # sine and cosine of one order have one scale
         sizes = np.concatenate([sizes[:1], pairs, pairs])
         sizes[sizes == 0.0] = 1.0
-        return blocks(matrix, load / sizes, np.zeros(load.T.shape), self.turning), sizes
+        return block_matrix(matrix, load / sizes, np.zeros(load.T.shape), self.turning), sizes
 
     def over(self, angle: float | Floats, pushing: Pushing = ()) -> tuple[Floats, Floats]:
         """Return Phi - 1 and Psi of a flight over an angle, or of flights over many."""
