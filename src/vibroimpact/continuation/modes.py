@@ -288,10 +288,8 @@ class Modes(Equations):
             return None
         if cycle.n_periods % 2 == 0:
             return replace(cycle, n_periods=cycle.n_periods // 2, events=first) if first == second else None
-        images = self._images
-        if images and second == tuple(event.in_mirror(images) for event in first):
-            return replace(cycle, events=first, images=images)
-        return None
+        mirrored = replace(cycle, events=first, images=self._images)
+        return mirrored if mirrored.images and second == mirrored.next_events else None
 
     @cached_property
     def _images(self) -> tuple[int, ...]:
