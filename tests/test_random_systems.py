@@ -58,6 +58,23 @@ def test_the_first_20_impacts_on_stops_of_any_kind_are_those_of_the_witness(firs
     assert sum(compared) > 12 * BLOCK
 
 
+@pytest.mark.long(but=1)
+@pytest.mark.parametrize("first", range(0, 5 * SEEDS[0], BLOCK))
+def test_the_first_20_impacts_on_6_to_20_stops_are_those_of_the_witness(first):
+    """Rigid ones, or of any kind: none is missed, and none invented."""
+    compared = 0
+    for seed in range(first, first + BLOCK):
+        rng = np.random.default_rng([37, seed])
+        model, q, speed = drawn(rng, bool(seed % 2), int(rng.integers(6, 21)))
+        sure, _ = until_rounding_decides(model, q, speed)
+        if sure is None:
+            continue
+        number, wrong, what = difference(seed, model, q, speed, sure)
+        assert wrong < 1e-10, (seed, what)
+        compared += number
+    assert compared > 12 * BLOCK
+
+
 def of_whole_numbers(rng):
     """Return a chain of small whole numbers and a speed: gaps of 0, r of 0 and 1, masses that nothing holds."""
     n = int(rng.integers(1, 4))
