@@ -412,9 +412,10 @@ LABELS = """() => {
 def test_no_label_of_a_plot_covers_another_or_leaves_it(tab, query):
     load(tab, query)
     plots = tab.evaluate(LABELS)
-    tab.set_viewport_size({"width": 1100, "height": 640})
-    plots += tab.evaluate(LABELS)
-    assert len(plots) == 12
+    for width, height in ((1100, 640), (390, 844)):
+        tab.set_viewport_size({"width": width, "height": height})
+        plots += tab.evaluate(LABELS)
+    assert len(plots) == 18
     for texts, width, height in plots:
         for at, (text, left, right, top, bottom) in enumerate(texts):
             assert left >= -1 and right <= width + 1 and top >= -1 and bottom <= height + 1, text  # noqa: PT018

@@ -48,7 +48,7 @@ CHOICES = {
     "hertz": Choice("hz", FLAG, "driving frequency in Hz"),
     "log": Choice("log", FLAG, "logarithmic colours"),
     "worst": Choice("worst", FLAG, "worst of 17 initial conditions"),
-    "boundaries": Choice("b", FLAG, "boundaries of n = 1, 2 (some seconds)"),
+    "boundaries": Choice("b", FLAG, "boundaries of n = 1, 2 (slow)"),
     "line": Choice("line", _same("xy"), "diagram along"),
     "samples": Choice("n", _same(SAMPLES), "impacts per cell"),
     "settled": Choice("from", {"start": False, "settled": True}, "show the settled motion"),

@@ -239,7 +239,13 @@ window.Plots = (() => {
       pen.textAlign = "center";
       pen.textBaseline = "top";
       for (const x of columns.at) pen.fillText(columns.word(x), this.px(x), bottom + 7);
-      pen.fillText(label(this.x, columns), left + width / 2, high - letter - 2);
+      // in the middle of its axis, or as near as the canvas allows
+      const middle = (text, center, whole) => {
+        const half = pen.measureText(text).width / 2 + 2;
+        return Math.max(Math.min(center, whole - half), half);
+      };
+      const across = label(this.x, columns), upwards = label(this.y, rows);
+      pen.fillText(across, middle(across, left + width / 2, this.canvas.clientWidth), high - letter - 2);
       pen.textBaseline = "middle";
       pen.textAlign = "right";
       rows.at.forEach((y, k) => pen.fillText(words[k], left - 8, this.py(y)));
@@ -247,10 +253,10 @@ window.Plots = (() => {
       const room = this.canvas.clientWidth - pen.measureText(this.title).width - 2;
       if (this.title) pen.fillText(this.title, Math.max(Math.min(left, room), 2), letter / 2 + 4);
       pen.save();
-      pen.translate(letter / 2 + 2, top + height / 2);
+      pen.translate(letter / 2 + 2, middle(upwards, top + height / 2, high));
       pen.rotate(-Math.PI / 2);
       pen.textAlign = "center";
-      pen.fillText(label(this.y, rows), 0, 0);
+      pen.fillText(upwards, 0, 0);
       pen.restore();
     }
 
