@@ -87,11 +87,12 @@ def test_a_view_with_everything_in_it_is_told_by_its_address():
 @settings(max_examples=50, deadline=None)
 @given(st.floats(1.9, 2.1), st.floats(1.9, 2.1))
 def test_a_view_in_hertz_is_the_same_motion_and_is_restored_from_its_address(omega, pinned):
-    view = View(osc=vi.ImpactOscillator(omega=omega), pins=(vi.ImpactOscillator(omega=pinned),)).in_other_unit()
+    view = View(osc=vi.ImpactOscillator(omega=omega), pins=(vi.ImpactOscillator(omega=pinned),), hertz=True)
     assert (view.x, view.osc.omega) == ("frequency", omega)
     assert view.osc.replace(frequency=view.values["frequency"]).omega == pytest.approx(omega, rel=3e-16)
     assert from_query(to_query(view)).values == view.values
-    back = view.in_other_unit()
+    assert from_query("hz=1").x == from_query("hz=1&model=two_sided_oscillator").x == "frequency"
+    back = replace(view, hertz=False)
     assert (back.x, back.x_range, back.osc) == ("omega", View.x_range, view.osc)
 
 

@@ -263,9 +263,6 @@ class Commands:
         self._explorer.set_parameter(name, min(max(kept, low), high))
 
     def _toggle(self, name: str) -> None:
-        if name == "hertz":
-            self._explorer.show(self._explorer.view.in_other_unit())
-            return
         change: dict[str, Any] = {name: not getattr(self._explorer.view, name)}
         self._explorer.set(**change)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -158,6 +158,7 @@ class View:
     stop: int = 0
 
     def __post_init__(self) -> None:
+        self._convert_axes()
         names = tuple(self.table)
         choices = {"x": names, "y": names} | {name: (*choice.texts.values(),) for name, choice in CHOICES.items()}
         for name, values in choices.items():
@@ -190,15 +191,15 @@ class View:
         """Their values at the point."""
         return values_of(self.osc, self.hertz)
 
-    def in_other_unit(self) -> View:
-        """Return the view with its driving frequency in Hz, or back in rad/s."""
-        convert, swapped = (radians, "omega") if self.hertz else (hertz, "frequency")
-        changes: dict[str, Any] = {"hertz": not self.hertz}
+    def _convert_axes(self) -> None:
+        """Have the driving frequency along an axis in the unit of the view, also where it is given in the other."""
+        units = {"omega": ("frequency", hertz), "frequency": ("omega", radians)}
         for axis in ("x", "y"):
-            if getattr(self, axis) in ("omega", "frequency") and "omega" in self.osc.values:
-                ends = getattr(self, f"{axis}_range")
-                changes |= {axis: swapped, f"{axis}_range": tuple(float(f"{convert(end):.12g}") for end in ends)}
-        return replace(self, **changes)
+            other, convert = units.get(getattr(self, axis), ("", hertz))
+            if other in self.table:
+                ends = tuple(float(f"{convert(end):.12g}") for end in getattr(self, f"{axis}_range"))
+                object.__setattr__(self, axis, other)
+                object.__setattr__(self, f"{axis}_range", ends)
 
     @cached_property
     def system(self) -> Any:
