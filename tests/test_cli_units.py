@@ -8,7 +8,7 @@ import pytest
 import vibroimpact as vi
 from processes import python
 from vibroimpact.cli.study import make_study
-from vibroimpact.cli.units import without_unit
+from vibroimpact.model.units import without_unit
 
 OF = vi.ImpactOscillator.parameters
 
@@ -33,6 +33,15 @@ def test_a_value_may_have_a_unit(name, text, value):
     assert without_unit(OF[name], text) == pytest.approx(value, rel=1e-15)
     model = make_study({"oscillator": {name: text}}).model
     assert getattr(model, name) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("unit", "text", "value"),
+    [("1/min", "25 Hz", 1500.0), ("1/min", "1500rpm", 1500.0), ("rpm", "25Hz", 1500.0), ("1/s", "1500 rpm", 25.0),
+     ("N/m2", "200GPa", 200e9), ("m/s2", "2 m/s2", 2.0), ("mm", "0.5e-3m", 0.5)],
+)  # fmt: skip
+def test_a_family_counts_turns_and_powers_as_machines_do(unit, text, value):
+    assert without_unit(vi.parameters.Parameter("rate", "rate", unit), text) == pytest.approx(value, rel=1e-15)
 
 
 @pytest.mark.parametrize("plain", ["2", "1e-3", "-.5", "abc", "", "nan", 0.5, None])

@@ -16,9 +16,9 @@ from vibroimpact.beside import compile_beside
 from vibroimpact.cli.endings import refusing
 from vibroimpact.cli.options import Options
 from vibroimpact.cli.schema import ENDS, TABLES
-from vibroimpact.cli.units import has_unit, mixed_units_warning, without_unit
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
+from vibroimpact.model.units import has_unit, without_unit
 from vibroimpact.options import Tolerances
 from vibroimpact.parameters import Parameter, invalid, unknown, whole_number
 
@@ -285,3 +285,12 @@ def span_values(parameter: Parameter, span: Mapping[str, Any], least: int = 1) -
     if reader.faults:
         raise ValueError("\n".join(reader.faults))
     return np.linspace(low, high, points)
+
+
+def mixed_units_warning(names: set[str]) -> str:
+    """Return a warning where numbers in SI stand beside numbers of the paper, which are dimensionless."""
+    table, usual = ImpactOscillator.parameters, ImpactOscillator()
+    names = {table[name].replaces or name for name in names}
+    defaults = [name for name in ("mass", "damping", "stiffness", "amplitude", "omega") if name not in names]
+    numbers = ", ".join(f"{name} = {getattr(usual, name):g} {table[name].unit}" for name in defaults)
+    return f"numbers of the paper stand beside your own: {numbers}; give them too" if defaults else ""
