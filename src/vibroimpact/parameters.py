@@ -178,9 +178,9 @@ class Parameter:
 
     def check(self, value: Any) -> float:
         """Return the value inside the range, 0 or of a size whose square is a number; an int where it counts."""
-        if type(value) is float and self.low < value <= self.high and SMALLEST <= abs(value) <= 1.0 / SMALLEST:
-            if not self.whole:
-                return value  # as nearly all are; families check millions
+        inside = type(value) is float and self.low < value <= self.high and SMALLEST <= abs(value) <= 1.0 / SMALLEST
+        if inside and not self.whole:
+            return float(value)  # as nearly all are; families check millions
         number = real_number(self.name, value, self.allowed, self.hint)
         outside = number < self.low or number > self.high or (number == self.low and not self.closed)
         if outside or (self.whole and number != int(number)):
