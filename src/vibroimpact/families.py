@@ -125,7 +125,7 @@ def family(function: Callable[..., Any] | None = None, /, *, units: Mapping[str,
     function : callable
         Takes numbers by name, each with a default, and returns an `ImpactOscillator`, an `ImpactSystem` or another
         family's model. It is called once per design, some microseconds each, and must always return the same for
-        the same numbers.
+        the same numbers. An argument annotated as `int` takes whole numbers only.
     units : mapping of str to str, optional
         Units of parameters, for axes and tables: ``@family(units={"rpm": "1/min"})``.
 
@@ -173,7 +173,8 @@ def _family(function: Callable[..., Any], units: Mapping[str, str]) -> Family:
         if not named or argument.default is argument.empty:
             raise ValueError(f"`{name}` of {function.__name__} needs a number for a default, like {name}=1.0")
         usual = table.get(name) or Parameter(name, name.replace("_", " "), symbol=name)
-        parameters[name] = replace(usual, unit=units.get(name, usual.unit))
+        counts = usual.whole or argument.annotation in (int, "int")
+        parameters[name] = replace(usual, unit=units.get(name, usual.unit), whole=counts)
         values[name] = parameters[name].check(argument.default)
     check_names(parameters, units)
     model = Family(function, parameters, values)

@@ -142,6 +142,8 @@ class Parameter:
         Whether `low` itself is allowed.
     hint : str
         What to do about a value out of range.
+    whole : bool
+        Whether it counts something: only whole numbers are allowed, and nothing varies it continuously.
     replaces : str, optional
         The parameter in whose place this one may be given: `frequency` replaces `omega`.
 
@@ -160,28 +162,32 @@ class Parameter:
     high: float = math.inf
     closed: bool = True
     hint: str = ""
+    whole: bool = False
     replaces: str | None = None
 
     @property
     def allowed(self) -> str:
         """The range in words."""
+        number = "a whole number" if self.whole else "a finite number"
         if math.isinf(self.low):
-            return "a finite number" if math.isinf(self.high) else f"at most {self.high:g}"
+            return number if math.isinf(self.high) else f"at most {self.high:g}"
         if math.isinf(self.high):
-            return f"a finite number {'>=' if self.closed else '>'} {self.low:g}"
+            return f"{number} {'>=' if self.closed else '>'} {self.low:g}"
         words = "between {:g} and {:g}" if self.closed else "above {:g} and up to {:g}"
-        return words.format(self.low, self.high)
+        return f"{number} " * self.whole + words.format(self.low, self.high)
 
     def check(self, value: Any) -> float:
-        """Return the value as a float inside the range, 0 or of a size whose square is a number."""
-        if type(value) is float and self.low < value <= self.high and SMALLEST <= abs(value) <= 1.0 / SMALLEST:
-            return value  # as nearly all are; families check millions
+        """Return the value inside the range, 0 or of a size whose square is a number; an int where it counts."""
+        inside = type(value) is float and self.low < value <= self.high and SMALLEST <= abs(value) <= 1.0 / SMALLEST
+        if inside and not self.whole:
+            return float(value)  # as nearly all are; families check millions
         number = real_number(self.name, value, self.allowed, self.hint)
-        if number < self.low or number > self.high or (number == self.low and not self.closed):
+        outside = number < self.low or number > self.high or (number == self.low and not self.closed)
+        if outside or (self.whole and number != int(number)):
             raise invalid(self.name, value, self.allowed, self.hint)
         if abs(number) > 1.0 / SMALLEST or (not self.closed and number < SMALLEST):
             raise invalid(self.name, value, f"of a size from {SMALLEST:g} to {1.0 / SMALLEST:g}", "choose other units")
-        return number
+        return int(number) if self.whole else number
 
 
 LIGHT = 0.05  # of critical damping: a damping that machines have

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -19,7 +20,7 @@ from vibroimpact.cli import schema as o
 from vibroimpact.cli.endings import REFUSALS, Interrupted, refusing
 from vibroimpact.cli.options import FLAG, PATH, Option, Options, with_options
 from vibroimpact.parameters import printable
-from vibroimpact.progress import Meter
+from vibroimpact.progress import Meter, duration, remaining
 
 if TYPE_CHECKING:
     from vibroimpact.execution.store import SweepStore
@@ -103,7 +104,7 @@ def reproduce(options: Options) -> None:
                 )
         except KeyboardInterrupt as error:
             raise Interrupted(str(error) or "interrupted") from error
-    typer.echo(f"wrote {report} ({meter.seconds:.3g} s)")
+    typer.echo(f"wrote {report} ({duration(meter.seconds)})")
 
 
 @with_options(
@@ -161,12 +162,12 @@ def warm_up(options: Options) -> None:
     """
     from vibroimpact import warming
 
-    with refusing(), Meter("kernels", keeps=False) as meter:
+    with refusing(), Meter("kernels", keeps=False, clock=perf_counter) as meter:
         if options["cluster"] is None:
             warming.warm_up(meter)
         else:
             warming.warm_up_cluster(options["cluster"], meter)
-    typer.echo(f"all kernels are compiled ({meter.seconds:.3g} s)")
+    typer.echo(f"all kernels are compiled ({duration(meter.seconds)})")
 
 
 # Maps that are written tile by tile
@@ -230,7 +231,7 @@ def replacing_store(place: Path, out: Path) -> Iterator[None]:
 def state_of(out: Path, seconds: float) -> str:
     """Return in one line what a store holds after a run."""
     store = _opened(out)
-    return f"{out}: {_progress(store)[0] if store else 'nothing'} ({seconds:.2g} s)"
+    return f"{out}: {_progress(store)[0] if store else 'nothing'} ({duration(seconds)})"
 
 
 def sentences_of_store(path: Path) -> Iterator[str]:
@@ -295,8 +296,8 @@ def _progress(store: SweepStore) -> list[str]:
     else:
         lines = [f"{done:,} of {needed:,} cells computed (the total may grow), for a map of {cells:,}"]
     if done:
-        seconds_left = summary["seconds"] * (needed - done) / done
-        more = f", about {seconds_left:.2g} s left" if seconds_left else ""
-        lines.append(f"{summary['seconds']:.3g} s elapsed, {summary['impacts']:.3g} impacts{more}")
+        left = remaining(done, needed, summary["seconds"])
+        more = f", about {left}" if left else ""
+        lines.append(f"{duration(summary['seconds'])} elapsed, {summary['impacts']:.3g} impacts{more}")
         lines.append(", ".join(f"{word.replace('_', ' ')} {count:,}" for word, count in summary["statuses"].items()))
     return lines

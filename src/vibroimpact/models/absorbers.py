@@ -7,7 +7,7 @@ import numpy as np
 from vibroimpact.cells import Floats
 from vibroimpact.model.stops import Force, Stop
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.models.arguments import checked, count
+from vibroimpact.models.arguments import checked
 from vibroimpact.models.slots import slot
 from vibroimpact.parameters import radians
 
@@ -22,7 +22,7 @@ def impact_damper(
     frequency: float = 30.0,
     particle_mass: float = 0.5,
     clearance: float = 5e-3,
-    particles: float = 1,
+    particles: int = 1,
     restitution: float = 0.7,
 ) -> ImpactSystem:
     r"""Return a structure with free particles in a slot: the damper of boring bars, antennas, turbine blades.
@@ -79,15 +79,14 @@ def impact_damper(
     >>> impact_damper(particles=3).stop_names
     ('left', 'between_1', 'between_2', 'right')
     """
-    p = count("particles", particles)
-    names = ["left", *(f"between_{at}" for at in range(1, p)), "right"]
+    names = ["left", *(f"between_{at}" for at in range(1, particles)), "right"]
     stops = []
     for at, name in enumerate(names):
-        direction = np.zeros(p + 1)
+        direction = np.zeros(particles + 1)
         direction[at] += 1.0
-        direction[(at + 1) % (p + 1)] -= 1.0
-        stops.append(Stop(direction=direction, gap=clearance / (p + 1), restitution=restitution, name=name))
-    masses = [mass, *[particle_mass / p] * p]
+        direction[(at + 1) % (particles + 1)] -= 1.0
+        stops.append(Stop(direction=direction, gap=clearance / (particles + 1), restitution=restitution, name=name))
+    masses = [mass, *[particle_mass / particles] * particles]
     return _structure(masses, natural_frequency, damping_ratio, force, frequency, stops)
 
 

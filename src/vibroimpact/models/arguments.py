@@ -10,7 +10,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from vibroimpact.model import check_names
 from vibroimpact.model.oscillator import ImpactOscillator
-from vibroimpact.parameters import Parameter, invalid, whole_number
+from vibroimpact.parameters import Parameter
 
 _Arguments = ParamSpec("_Arguments")
 _Model = TypeVar("_Model")
@@ -66,7 +66,7 @@ _DAMPERS = [
     _positive("natural_frequency", "natural frequency of the structure", "Hz"),
     _positive("particle_mass", "mass of all particles", "kg"),
     _positive("second_particle_mass", "mass of the second particle", "kg"),
-    Parameter("particles", "number of particles", "1", "particles", 1.0, 4.0),
+    Parameter("particles", "number of particles", "1", "particles", 1.0, 4.0, whole=True),
     _positive("mass_ratio", "mass of the absorber over that of the structure", "1"),
     _positive("tuning", "natural frequency of the absorber over that of the structure", "1"),
     _not_negative("absorber_damping_ratio", "damping ratio of the absorber", "1"),
@@ -80,7 +80,7 @@ _BEAMS = [
     _positive("density", "density", "kg/m^3", "steel has 7800 kg/m^3"),
     _place("force_at", "force"),
     _place("stop_at", "stop"),
-    Parameter("modes", "number of modes", "1", "modes", 1.0, 12.0),
+    Parameter("modes", "number of modes", "1", "modes", 1.0, 12.0, whole=True),
 ]
 _TUBES = [
     _positive("outer_diameter", "outer diameter", "m"),
@@ -133,10 +133,3 @@ def sharing(sections: str) -> Callable[[_Documented], _Documented]:
         return function
 
     return share
-
-
-def count(name: str, value: float) -> int:
-    """Return a checked number as a count, also 4.0, which families pass for 4."""
-    if value != int(value):
-        raise invalid(name, value, "a whole number")
-    return whole_number(name, int(value), 1)

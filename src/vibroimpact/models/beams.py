@@ -8,7 +8,7 @@ import numpy as np
 
 from vibroimpact.model.stops import Force, Stop
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.models.arguments import checked, count, sharing
+from vibroimpact.models.arguments import checked, sharing
 from vibroimpact.models.beam_modes import beam_modes, moving_row
 
 _OF_BEAMS = r"""
@@ -69,7 +69,7 @@ def cantilever_with_stop(
     stop_at: float = 1.0,
     gap: float = 2e-3,
     restitution: float = 0.6,
-    modes: float = 3,
+    modes: int = 3,
 ) -> ImpactSystem:
     r"""Return a cantilever in front of a stop: a reed, a leaf of a valve, a cable tray, a strip on a shaker.
 
@@ -119,7 +119,7 @@ def clamped_beam_with_stop(
     stop_at: float = 0.5,
     gap: float = 0.5e-3,
     restitution: float = 0.6,
-    modes: float = 3,
+    modes: int = 3,
 ) -> ImpactSystem:
     r"""Return a beam clamped at both ends in front of a stop: a panel's stiffener, a welded pipe span near a wall.
 
@@ -163,7 +163,7 @@ def clamped_pinned_beam_with_stop(
     stop_at: float = 0.6,
     gap: float = 0.5e-3,
     restitution: float = 0.6,
-    modes: float = 3,
+    modes: int = 3,
 ) -> ImpactSystem:
     r"""Return a beam clamped at its left end and pinned at its right, in front of a stop: a propped pipe or shaft.
 
@@ -203,7 +203,7 @@ def pinned_beam_with_stop(
     stop_at: float = 0.5,
     gap: float = 1e-3,
     restitution: float = 0.6,
-    modes: float = 3,
+    modes: int = 3,
 ) -> ImpactSystem:
     r"""Return a beam pinned at both ends in front of a stop: a simply supported girder, shaft or pipe that knocks.
 
@@ -229,7 +229,7 @@ def pinned_beam_with_stop(
 def _beam(ends: str, numbers: Mapping[str, float]) -> ImpactSystem:
     """Return a beam of some ends, from the arguments of the four of them."""
     length, width, thickness = numbers["length"], numbers["width"], numbers["thickness"]
-    shapes = beam_modes(ends, count("modes", numbers["modes"]))
+    shapes = beam_modes(ends, int(numbers["modes"]))
     per_length = numbers["density"] * width * thickness
     mass = per_length * length
     rows = moving_row("stop_at", numbers["stop_at"], shapes), shapes.at(numbers["force_at"]), mass * shapes.means

@@ -9,7 +9,7 @@ import numpy as np
 
 from vibroimpact.model.stops import Force, Stop
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.models.arguments import checked, count, sharing
+from vibroimpact.models.arguments import checked, sharing
 from vibroimpact.models.beam_modes import beam_modes, moving_row
 from vibroimpact.parameters import invalid
 
@@ -82,7 +82,7 @@ def tube_in_supports(
     second_support_at: float = 0.7,
     diametral_clearance: float = 0.8e-3,
     restitution: float = 0.6,
-    modes: float = 3,
+    modes: int = 3,
 ) -> ImpactSystem:
     r"""Return a tube of a heat exchanger, pinned at its ends, that rattles in two supports with clearance.
 
@@ -134,7 +134,7 @@ def clamped_tube_in_supports(
     second_support_at: float = 0.7,
     diametral_clearance: float = 0.8e-3,
     restitution: float = 0.6,
-    modes: float = 3,
+    modes: int = 3,
 ) -> ImpactSystem:
     r"""Return a tube that is clamped at its ends, as in two tube sheets, and rattles in two supports with clearance.
 
@@ -169,7 +169,7 @@ def _tube(ends: str, numbers: Mapping[str, float]) -> ImpactSystem:
     inside = numbers["inner_fluid_density"] * bore
     outside = numbers["added_mass_coefficient"] * numbers["outer_fluid_density"] * disc
     per_length = numbers["density"] * wall + inside + outside
-    shapes = beam_modes(ends, count("modes", numbers["modes"]))
+    shapes = beam_modes(ends, int(numbers["modes"]))
     rows = [moving_row(name, numbers[name], shapes) for name in ("first_support_at", "second_support_at")]
     sides = {f"{support}_{side}": {support: sign} for support in ("first", "second") for side, sign in _SIDES.items()}
     return ImpactSystem.from_modes(
