@@ -28,7 +28,7 @@ class Rest(NamedTuple):
 
 @dataclass(frozen=True)
 class Orbit:
-    """A period-n impact-p motion, stable or not, of one oscillator; base of those of systems.
+    """A period-n impact-p orbit, stable or not, of one oscillator; base of those of systems.
 
     Parameters
     ----------
@@ -132,8 +132,12 @@ class Orbit:
 
     @property
     def stable(self) -> bool:
-        """Whether perturbations decay: all multipliers lie inside the unit circle, by more than rounding."""
-        return self.spectral_radius < 1.0 - ROUNDING
+        """Whether motions nearby settle to it: it is admissible, and all multipliers lie inside the unit circle.
+
+        They do so by more than rounding. An inadmissible orbit is no motion, and never stable; its multipliers are
+        those of the equations.
+        """
+        return self.admissible and self.spectral_radius < 1.0 - ROUNDING
 
     @property
     def period(self) -> float:

@@ -85,7 +85,7 @@ def numbers_of(stops: Any, names: tuple[str, ...]) -> tuple[int, ...]:
 
 
 def ordered(orbits: Iterable[Orbit]) -> Orbits[Any]:
-    """Return orbits of one type, stable ones first, then admissible ones, then hard ones, and what they are."""
+    """Return orbits of one type, stable ones first, then unstable, then inadmissible ones, and what they are."""
     ranked = sorted(orbits, key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)))
     admissible = sum(orbit.admissible for orbit in ranked)
     if not admissible:
