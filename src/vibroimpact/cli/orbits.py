@@ -16,7 +16,6 @@ from vibroimpact.cli import schema as o
 from vibroimpact.cli.endings import Ended, WrongRequest, refusing
 from vibroimpact.cli.options import Options, numbers, with_options
 from vibroimpact.cli.study import Study, study_of
-from vibroimpact.parameters import counted
 from vibroimpact.progress import Meter, duration
 
 if TYPE_CHECKING:
@@ -118,7 +117,7 @@ def orbits_dataset(orbits: Orbits[Any], model: Model, arguments: Mapping[str, An
     }
     for key, (kept, long_name) in whole.items():
         content[key] = xr.Variable("orbit", np.array(kept, np.int32), {"long_name": long_name, "units": "1"})
-    outcome = {"outcome": orbits.outcome, "message": _sentence(orbits)}
+    outcome = {"outcome": orbits.outcome, "message": orbits.sentence}
     outcome["messages"] = json.dumps([orbit.message for orbit in orbits])
     if several:
         content |= _struck(orbits, max(counts, default=0))
@@ -154,7 +153,7 @@ def orbits_json(orbits: Orbits[Any], model: Model) -> dict[str, Any]:
     return {
         design.kind: design.plain(),
         "outcome": orbits.outcome,
-        "message": _sentence(orbits),
+        "message": orbits.sentence,
         "orbits": [_plain(orbit) for orbit in orbits],
     }
 
@@ -182,12 +181,6 @@ def _without_nan(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_without_nan(entry) for entry in value]
     return None if isinstance(value, float) and math.isnan(value) else value
-
-
-def _sentence(orbits: Orbits[Any]) -> str:
-    if orbits.outcome == "inadmissible":
-        return f"no admissible {orbits[0].name} orbit: the equations have {len(orbits)}"
-    return orbits.message or counted(len(orbits), f"{orbits[0].name} orbit")
 
 
 # Branches

@@ -26,6 +26,7 @@ from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.orbits.orbit import Impacts, same_orbit
 from vibroimpact.orbits.systems import SystemOrbit
+from vibroimpact.showing import Shown, Table
 from vibroimpact.status import Status
 
 SAME = 1e-6  # `orbit_distance` between cycles that are one
@@ -38,8 +39,8 @@ SHARED = 0.5  # of the impacts of two chaotic motions in the same boxes: above t
 WANDERING = 4000  # impacts, at most, from a release to the next rest that are sampled of intermittent sticking
 
 
-@dataclass(frozen=True)
-class Attractor:
+@dataclass(frozen=True, repr=False)
+class Attractor(Shown):
     """A settled motion, and the share of initial conditions that lead to it.
 
     Parameters
@@ -110,6 +111,17 @@ class Attractor:
     def name(self) -> str:
         """The motion in two or three words."""
         return self.motion.name
+
+    def _table(self) -> Table:
+        facts = {
+            "share of the initial conditions [%]": 100.0 * self.share,
+            "hardest impact [m/s]": self.max_velocity,
+            "mean impact velocity [m/s]": self.mean_velocity,
+            "Std of the impact velocities [m/s]": self.std,
+            "largest Lyapunov exponent [1/s]": self.lyapunov,
+            "energy lost per driving period [J]": self.dissipation,
+        }
+        return Table(self.name, ("", ""), [fact for fact in facts.items() if not math.isnan(fact[1])])
 
 
 def distinct_names(attractors: Sequence[Attractor]) -> list[str]:

@@ -231,7 +231,7 @@ def solved(model: Model, n: int, stops: Counts, turns: Floats, speeds: Floats, e
     times = ((turns - math.floor(turns[0])) * system.period).tolist()
     impacts = Impacts(turns % 1.0, speeds)
     for orbit in find_near(model, n, stops.tolist(), times, end):
-        if orbit.stable and orbit.admissible and same_orbit(orbit, impacts, tolerance=NEAR):
+        if orbit.stable and same_orbit(orbit, impacts, tolerance=NEAR):
             return orbit
     return None
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,8 +41,8 @@ _TIED = "\u00a0"
 Writer = Callable[["Verdict"], Iterator[str]]
 
 
-def verdict_lines(verdict: Verdict) -> Iterator[str]:
-    """Yield the lines of a verdict."""
+def verdict_facts(verdict: Verdict) -> Iterator[tuple[str, list[str]]]:
+    """Yield the titles of a verdict, each with its facts."""
     writers: dict[str, Writer] = {
         verdict.oscillator.kind: _model,
         "motion": _motion,
@@ -54,14 +54,15 @@ def verdict_lines(verdict: Verdict) -> Iterator[str]:
         "coexisting": _coexisting,
         "advice": _advice_lines,
     }
-    yield from _laid_out((title, writer(verdict)) for title, writer in writers.items())
+    for title, writer in writers.items():
+        yield title, list(writer(verdict))
     if not verdict.complete:
-        yield from _laid_out([("stopped", [_stopped(verdict)])])
+        yield "stopped", [_stopped(verdict)]
 
 
-def _laid_out(parts: Iterable[tuple[str, Iterable[str]]]) -> Iterator[str]:
-    """Yield titled facts line by line."""
-    for title, facts in parts:
+def verdict_lines(verdict: Verdict) -> Iterator[str]:
+    """Yield the lines of a verdict."""
+    for title, facts in verdict_facts(verdict):
         for i, line in enumerate(facts):
             yield from _wrapped((title if i == 0 else "").ljust(MARGIN), line)
 
