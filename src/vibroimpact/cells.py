@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 
 COUNTABLE = 2.0**53  # periods: the next whole number is the next number
 BEYOND = 1e-12  # of the lengths that a clearance is the sum of: so little beyond a stop is rounding
+NOWHERE = 1e-15  # of V over the fastest rate: the same where all these lengths vanish
 FASTEST = 4.0  # of V: the hardest of the impacts that are spread over the impact surface
 
 
@@ -172,7 +173,7 @@ class Cells:
         if start is None:
             return self
         turns = start.time * self["omega"] / (2.0 * np.pi)
-        _check_start(start, self["gap"], turns)
+        _check_start(start, self["gap"], turns, NOWHERE * self.velocity_scale / self.fastest_rate)
         return self.replace(**_start(np.maximum(self["gap"] - start.displacement, 0.0), start.velocity, turns))
 
 
@@ -245,10 +246,11 @@ def check_single(name: str, start: State) -> None:
         raise invalid(name, start, "a State of one mass", "give its displacement and velocity as numbers, not as lists")
 
 
-def _check_start(start: State, gap: Floats, turns: Floats) -> None:
+def _check_start(start: State, gap: Floats, turns: Floats, nowhere: Floats) -> None:
     check_single("start", start)
     nearest = float(np.min(gap, initial=np.inf))
-    if start.displacement - nearest > BEYOND * (abs(nearest) + abs(start.displacement)):
+    rounding = BEYOND * (abs(nearest) + abs(start.displacement)) + float(np.min(nowhere, initial=np.inf))
+    if start.displacement - nearest > rounding:
         raise ValueError(
             f"`start` must have a displacement of at most the gap, {nearest:g} m here, got {start.displacement!r}; "
             "start the mass in front of the stop"

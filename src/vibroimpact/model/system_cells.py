@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.cells import BEYOND, COUNTABLE, Cells, Floats, spread
+from vibroimpact.cells import BEYOND, COUNTABLE, NOWHERE, Cells, Floats, spread
 from vibroimpact.matrices import nearest
 from vibroimpact.model.elements import BLOCKS, bars
 from vibroimpact.model.modal import ModalForm, fastest_rates, speed_parts, steady_motions, velocity_scales
@@ -304,8 +304,9 @@ class SystemCells(Cells):
         """Return the depth in m of each start beyond each rigid stop; 0 before it, and where that is rounding."""
         eta = self.block("eta")
         size = np.abs(self.block("gap")) + (np.abs(self._by_stop("alpha")) @ np.abs(eta)[..., None])[..., 0]
+        rounding = BEYOND * size + NOWHERE * (self["scale"] / self.fastest_rate)[:, None]
         depth = -self._clearances(self.block("turn"), eta)
-        return np.where((depth > BEYOND * size) & self.bars, depth, 0.0)
+        return np.where((depth > rounding) & self.bars, depth, 0.0)
 
     @property
     def bars(self) -> Any:
