@@ -47,22 +47,23 @@ def reporter(progress: bool | Report, label: str) -> Iterator[Report]:
     elif not truth("progress", progress):
         yield lambda done, total, partial: None
     else:
+        began = compiling.clock()
         with _bar() as bar:
             task = bar.add_task(label, total=None, detail="")
-            yield lambda done, total, partial: bar.update(task, completed=done, total=total)
+            yield lambda done, total, partial: bar.update(
+                task, completed=done, total=total, detail=time_left(done, total, compiling.clock() - began)
+            )
 
 
 def _bar() -> Progress:
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("{task.fields[detail]}"),
-        TimeRemainingColumn(),
-        TextColumn("left"),
         console=Console(file=sys.stderr),
     )
 
@@ -101,7 +102,7 @@ class Meter:
         self._end: SimpleQueue[bool] = SimpleQueue()  # a signal may break into anything but its `put`
 
     def __enter__(self) -> Self:
-        self._began, self._computed = perf_counter(), compiling.clock()
+        self._computed = compiling.clock()
         self._open = self._opening.__enter__()
         if threading.current_thread() is threading.main_thread():
             threading.Thread(target=self._end_at_once, daemon=True).start()
@@ -119,7 +120,7 @@ class Meter:
             signal.signal(signal.SIGINT, self._previous_handler)
             self._end.put(False)
         self._opening.__exit__(kind, error, at)  # if nothing was left to report
-        self.seconds = perf_counter() - self._began
+        self.seconds = compiling.clock() - self._computed
 
     def __call__(self, done: int, total: int | None, partial: Any) -> bool:
         """Show how far the computation is; return whether to continue."""
@@ -128,14 +129,16 @@ class Meter:
         impacts = getattr(partial, "attrs", {}).get("impacts_computed", 0)
         detail = partial if isinstance(partial, str) else speed(impacts, seconds)
         if self._bar is not None:
-            self._bar.update(self._task, completed=done, total=total, detail="" if total is None else detail)
+            left = time_left(done, total, seconds) if total else ""
+            shown = "" if total is None else ", ".join(filter(None, (detail, left)))
+            self._bar.update(self._task, completed=done, total=total, detail=shown)
         elif total is None:
             if seconds >= self._shown + SECONDS:
                 self._shown = seconds
-                print(f"{self.label}: {done}, {seconds:.0f} s", file=sys.stderr, flush=True)
-        elif done / total >= self._shown + 0.1 or done == total:
+                print(f"{self.label}: {done}, {duration(seconds)}", file=sys.stderr, flush=True)
+        elif done / total >= self._shown + 0.1 or done == total > self._shown * total:
             self._shown = done / total
-            left = f"{seconds * (total - done) / done:.0f} s left" if done < total else f"{seconds:.1f} s"
+            left = time_left(done, total, seconds) if done < total else duration(seconds)
             parts = [f"{self.label}: {100 * done / total:.0f} % of {total}", detail, left]
             print(", ".join(part for part in parts if part), file=sys.stderr, flush=True)
         return not self.stopped
@@ -250,6 +253,29 @@ def interruptible() -> Iterator[None]:
     finally:
         signal.set_wakeup_fd(before)
         os.close(writes)
+
+
+def duration(seconds: float) -> str:
+    """Return a time as text, in the units that suit it.
+
+    Examples
+    --------
+    >>> duration(0.0312), duration(4.26), duration(110.2), duration(7384.0)
+    ('0.031 s', '4.3 s', '1 min 50 s', '2 h 3 min')
+    """
+    if seconds < 9.95:
+        return f"{seconds:.2g} s"
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    large, small, units = (*divmod(whole, 60), "min s") if whole < 3600 else (*divmod(round(whole / 60), 60), "h min")
+    first, second = units.split()
+    return f"{large} {first}" + (f" {small} {second}" if small else "")
+
+
+def time_left(done: int, total: int, seconds: float) -> str:
+    """Return how long the rest takes at the pace so far; `seconds` are those without compiling."""
+    return f"about {duration(seconds * (total - done) / done)} left" if 0 < done < total else ""
 
 
 def speed(impacts: int, seconds: float) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -14,7 +13,7 @@ from vibroimpact.cli import schema as o
 from vibroimpact.cli.endings import Interrupted, WrongRequest, refusing
 from vibroimpact.cli.options import Option, Options, with_options
 from vibroimpact.cli.study import Study, name_of, span_values, study_of
-from vibroimpact.compiling import before_compiling
+from vibroimpact.compiling import before_compiling, clock
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
@@ -61,10 +60,10 @@ def _motion(function: str, study: Study, options: Options) -> None:
     for shown in ("coordinate", "stop"):
         if options[shown] is not None and not output.is_figure(options["out"]):
             raise WrongRequest(f"`--{shown}` needs a figure; add for example --out figure.png")
-    began = perf_counter()
+    began = clock()
     with refusing(), before_compiling(study.announce):
         dataset = _call(function, study)
-    output.hand_on(dataset, options, perf_counter() - began)
+    output.hand_on(dataset, options, clock() - began)
 
 
 @with_options(

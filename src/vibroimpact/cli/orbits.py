@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, fields
-from time import perf_counter
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
@@ -16,9 +15,9 @@ from vibroimpact.cli import schema as o
 from vibroimpact.cli.endings import Ended, WrongRequest, refusing
 from vibroimpact.cli.options import Options, numbers, with_options
 from vibroimpact.cli.study import Study, study_of
-from vibroimpact.compiling import before_compiling
+from vibroimpact.compiling import before_compiling, clock
 from vibroimpact.parameters import counted
-from vibroimpact.progress import Meter
+from vibroimpact.progress import Meter, duration
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -51,19 +50,19 @@ def orbit(options: Options) -> None:
     """
     study = study_of(options)
     output.check_looks(options, (".json",))
-    began = perf_counter()
+    began = clock()
     with before_compiling(study.announce):
         orbits = _find(study, options)
     out = options["out"]
     if out is not None and out.suffix.lower() == ".json":
         output.write_json(orbits_json(orbits, study.model), options, out)
-        typer.echo(f"wrote {out} ({perf_counter() - began:.2g} s)")
+        typer.echo(f"wrote {out} ({duration(clock() - began)})")
         return
     arguments = {name: options[name] for name in ("stops", "symmetric", "near") if options[name]}
     arguments = (
         {"n_periods": options.value("n_periods"), **arguments} if "stops" in arguments else _type(options) | arguments
     )
-    output.hand_on(orbits_dataset(orbits, study.model, arguments), options, perf_counter() - began)
+    output.hand_on(orbits_dataset(orbits, study.model, arguments), options, clock() - began)
 
 
 def _type(options: Options) -> dict[str, Any]:
