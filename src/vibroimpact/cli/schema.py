@@ -44,9 +44,9 @@ def _indices(name: str, value: Any) -> tuple[str, ...]:
 
 
 def _backend(name: str, value: Any) -> str:
-    from vibroimpact.backends import BACKENDS
+    from vibroimpact.backends import check_backend
 
-    return choice(name, value, BACKENDS)
+    return check_backend(name, value)
 
 
 def _coordinates(name: str, value: Any) -> Any:
