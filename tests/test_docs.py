@@ -114,7 +114,12 @@ def test_speeds_that_pages_state_are_those_of_the_last_benchmark():
 
 
 def test_the_description_in_the_readme_is_what_describe_prints():
-    shown = (ROOT / "README.md").read_text().partition("$ vibroimpact describe -p omega=2.6\n")[2].partition("```")[0]
+    shown = (
+        (ROOT / "README.md")
+        .read_text()
+        .partition("$ vibroimpact describe -p omega=2.6 --full\n")[2]
+        .partition("```")[0]
+    )
     lines = str(vi.describe(vi.ImpactOscillator(omega=2.6))).splitlines()
     assert shown
     assert set(shown.splitlines()) <= set(lines)

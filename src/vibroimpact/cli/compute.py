@@ -239,13 +239,14 @@ def _call(function: str, study: Study, **more: Any) -> xr.Dataset:
 # Verdicts
 
 
-@with_options(o.MODEL, o.SEARCH, o.WORKERS, o.JSON)
+@with_options(o.MODEL, o.SEARCH, o.WORKERS, o.FULL, o.JSON)
 def describe(options: Options) -> None:
     """What it does, how hard it hits, how far it is from another motion, and ways to soften the impacts.
 
     For example:
 
       vibroimpact describe -p omega=2.8
+      vibroimpact describe -p omega=2.8 --full
       vibroimpact describe study.toml --vary omega,gap --json
     """
     study = study_of(options)
@@ -255,7 +256,15 @@ def describe(options: Options) -> None:
         verdict = vibroimpact.describe(
             study.model, progress=meter, **_search(study, options), **study.arguments("describe")
         )
-    typer.echo(output.as_json(verdict.to_dict()) if options["json"] else str(verdict))
+    if options["json"]:
+        typer.echo(output.as_json(verdict.to_dict()))
+    elif options["full"]:
+        typer.echo(str(verdict))
+    else:
+        from vibroimpact.verdict.text import short_lines
+
+        typer.echo("\n".join(short_lines(verdict)))
+        typer.echo("--full shows the impacts, stability, boundaries, all motions and all advice", err=True)
     if not verdict.complete:
         raise Interrupted("interrupted; what was found so far is shown")
 

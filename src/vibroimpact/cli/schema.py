@@ -371,6 +371,7 @@ DIAGRAM = _output(
     "diagram", "",
     "Draw the figure over the bifurcation diagram of the settled motion. (400 values, or those of --x)", kind=FLAG,
 )  # fmt: skip
+FULL = _output("full", "", "Print the whole verdict, with its boundaries.", kind=FLAG)
 JSON = _output("json", "", "Print as JSON.", kind=FLAG)
 
 # Study files
