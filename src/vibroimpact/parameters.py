@@ -22,10 +22,10 @@ def invalid(name: str, value: Any, allowed: str, hint: str = "") -> ValueError:
     return ValueError(f"`{name}` must be {allowed}, got {_short(value)}" + (f"; {hint}" if hint else ""))
 
 
-def unknown(what: str, name: Any, choices: Iterable[str], hint: str = "") -> ValueError:
-    """Return the error for a name that is none of the choices, with the one that was probably meant."""
+def unknown(what: str, name: Any, choices: Iterable[str], hint: str = "", meant: str = "") -> ValueError:
+    """Return the error for a name that is none of the choices, with the one that was probably meant, or else a hint."""
     names = list(choices)
-    meant = closest(str(name), names)
+    meant = meant or closest(str(name), names)
     hint = f"did you mean {meant!r}?" if meant else hint
     return ValueError(f"unknown {what} {name!r}; choose from {', '.join(names)}" + (f"; {hint}" if hint else ""))
 

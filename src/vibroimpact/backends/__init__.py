@@ -13,7 +13,7 @@ from vibroimpact.cells import Cells
 from vibroimpact.indices import FORCES, INDICES
 from vibroimpact.model import Model
 from vibroimpact.model.oscillator import ImpactOscillator
-from vibroimpact.parameters import choice, invalid
+from vibroimpact.parameters import choice, unknown
 
 __all__ = [
     "BACKENDS",
@@ -41,7 +41,7 @@ BACKENDS = {
 def check_backend(argument: str, name: Any) -> str:
     """Return the name of a back end, or say which there are."""
     if isinstance(name, str) and re.search(r"gpu|nvidia|cuda.", name.lower()):
-        raise invalid(argument, name, f"one of {', '.join(BACKENDS)}", "graphics processors are 'cuda'")
+        raise unknown(f"`{argument}`", name, BACKENDS, meant="cuda")
     return choice(argument, name, BACKENDS)
 
 
