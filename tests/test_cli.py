@@ -14,7 +14,7 @@ from vibroimpact.dataset import model_of
 
 COMMANDS = (
     "simulate", "section", "diagram", "map", "orbit", "continue", "boundary", "basins", "describe", "compare", "plot",
-    "reproduce",
+    "models", "reproduce",
 )  # fmt: skip
 
 

@@ -51,7 +51,10 @@ def two(tmp_path):
         ("section --model bouncing_ball -p frequency=60 --sample-impacts 9", ["9 impacts kept"]),
         ("section --model unbalanced_machine --sample-impacts 50", ["period-1 impact-1, hits at 0.171 m/s"]),
         ("map --model impact_damper --x clearance=5e-3:6e-3:2 --sample-impacts 20", ["total clearance 0.005 to 0.006"]),
-        ("describe --model two_sided_oscillator --vary frequency", ["from rest period-1 impact-2", "frequency: down"]),
+        (
+            "describe --model two_sided_oscillator --vary frequency --full",
+            ["from rest period-1 impact-2", "frequency: down"],
+        ),
         ("describe --model two_sided_oscillator --vary frequency --json", ['"system": {', '"kind": "pitchfork"']),
         (f"map {OWN} --x bar_gap=0.04:0.05:2 --by-stop --sample-impacts 20", ["gap of bar 0.04 to 0.05 m"]),
         (f"map {OWN} --x bar_gap=0.04:0.05:2 --starts 3 --sample-impacts 20", ["3 initial conditions"]),

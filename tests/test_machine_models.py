@@ -52,8 +52,26 @@ def opposite(stop, other):
 def test_a_model_takes_numbers_by_name_and_needs_none(name):
     for argument, parameter in inspect.signature(MODELS[name]).parameters.items():
         assert parameter.kind is inspect.Parameter.KEYWORD_ONLY
+        if TABLE[argument].follows:
+            assert parameter.default is None, argument
+            continue
         assert isinstance(parameter.default, (int, float)), argument
         assert TABLE[argument].check(parameter.default) == parameter.default
+
+
+@pytest.mark.parametrize("name", [name for name, model in MODELS.items() if "_restitution" in str(model.parameters)])
+def test_each_side_may_have_a_restitution_of_its_own_and_has_the_common_one_else(name):
+    own = [side for side, parameter in MODELS[name].parameters.items() if parameter.follows == "restitution"]
+    assert own
+    assert {stop.restitution for stop in MODELS[name](restitution=0.3).stops} == {0.3}
+    for side in own:
+        stop = side.removesuffix("_restitution")
+        changed = {at.name: at.restitution for at in MODELS[name](restitution=0.3, **{side: 0.9}).stops}
+        assert changed.pop(stop) == 0.9
+        assert set(changed.values()) == {0.3}
+        family = vi.family(MODELS[name])
+        assert getattr(family.replace(restitution=0.2), side) == 0.2
+        assert family.replace(**{side: 0.9}).at(restitution=0.3) == MODELS[name](restitution=0.3, **{side: 0.9})
 
 
 def test_every_number_in_the_table_is_one_of_a_model():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -35,6 +36,13 @@ class Family:
     def __call__(self, **values: float) -> Any:
         """Return the result of the function."""
         return self.function(**self.values | self._checked(values))
+
+    def __getattr__(self, name: str) -> float:
+        """Return the value of a parameter that follows another, and was not given."""
+        parameter = self.__dict__.get("parameters", {}).get(name)
+        if parameter is None or not parameter.follows:
+            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+        return float(self.values.get(name, self.values[parameter.follows]))
 
     def __repr__(self) -> str:
         return f"{self.__name__}({', '.join(f'{name}={value!r}' for name, value in self.values.items())})"
@@ -175,7 +183,8 @@ def _family(function: Callable[..., Any], units: Mapping[str, str]) -> Family:
         usual = table.get(name) or Parameter(name, name.replace("_", " "), symbol=name)
         counts = usual.whole or argument.annotation in (int, "int")
         parameters[name] = replace(usual, unit=units.get(name, usual.unit), whole=counts)
-        values[name] = parameters[name].check(argument.default)
+        if argument.default is not None or not usual.follows:
+            values[name] = parameters[name].check(argument.default)
     check_names(parameters, units)
     model = Family(function, parameters, values)
     check_model(model)
@@ -195,11 +204,13 @@ def load_model(place: Any) -> Model:
     ValueError
         The file cannot be run, or NAME is no model; the message names the line.
     """
-    if str(place).isidentifier():
+    if not re.search(r"[.:/\\]", str(place)):
         return ready_made(str(place))
-    file, _, name = str(place).rpartition(":")
+    file, name = str(place), ""
+    if not file.endswith(".py"):
+        file, _, name = file.rpartition(":")
     path = Path(file)
-    if not (file.endswith(".py") and name.isidentifier()):
+    if not file.endswith(".py") or (name and not name.isidentifier()):
         raise invalid("model", place, "FILE.py:NAME such as tube.py:shaker", "or name a ready-made one: bouncing_ball")
     if not path.is_file():
         raise ValueError(f"`model` {place!r} cannot be loaded; there is no file {file!r}")
@@ -219,6 +230,9 @@ def load_model(place: Any) -> Model:
 def _model_in(module: Any, name: str, place: Any) -> Model:
     """Return the model of that name in a module, once it has been made at its own values."""
     models = {key: value for key, value in vars(module).items() if is_model(value)}
+    if not name and models:
+        file = str(place).removesuffix(":")
+        raise ValueError(f"`model` must name a model of {file}: {' or '.join(f'{file}:{each}' for each in models)}")
     candidate = vars(module).get(name)
     if name not in models:
         code = getattr(candidate, "__code__", None)
@@ -249,5 +263,5 @@ def ready_made(name: str) -> Family:
     from vibroimpact import models
 
     if name not in models.__all__:
-        raise unknown("model", name, models.__all__, "or give FILE.py:NAME")
+        raise unknown("model", name, models.__all__, "or give FILE.py:NAME for a model of your own")
     return _family(getattr(models, name), {})

@@ -47,6 +47,7 @@ def reporter(progress: bool | Report, label: str) -> Iterator[Report]:
     elif not truth("progress", progress):
         yield lambda done, total, partial: None
     else:
+        began = compiling.clock()
         with _bar() as bar:
             task, began = bar.add_task(label, total=None, detail="", left=""), compiling.clock()
 
@@ -141,7 +142,7 @@ class Meter:
             if seconds >= self._shown + SECONDS:
                 self._shown = seconds
                 print(f"{self.label}: {done}, {duration(seconds)}", file=sys.stderr, flush=True)
-        elif done / total >= self._shown + 0.1 or done == total:
+        elif done / total >= self._shown + 0.1 or done == total > self._shown * total:
             self._shown = done / total
             left = remaining(done, total, seconds) if done < total else duration(seconds)
             parts = [f"{self.label}: {100 * done / total:.0f} % of {total}", detail, left]

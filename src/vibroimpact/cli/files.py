@@ -23,6 +23,8 @@ from vibroimpact.parameters import printable
 from vibroimpact.progress import Meter, duration, remaining
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from vibroimpact.execution.store import SweepStore
 
 
@@ -42,20 +44,27 @@ def plot(options: Options) -> None:
       vibroimpact plot map.zarr --out map.csv
     """
     output.check_looks(options)
-    from vibroimpact.files import load
-    from vibroimpact.report import sentences_of
-
     with refusing(OSError):
-        dataset = load(options["file"])
         over = output.read(options, "over")
-        with _understood(options["file"]):
-            lines = sentences_of(dataset)
+    dataset = _summarise(options["file"], shown=options["out"] is None)
     if options["out"] is None:
-        typer.echo("\n".join(map(printable, lines)))
         return
     with _understood(options["file"]):
         output.write(dataset, options, options["out"], over)
     typer.echo(f"wrote {options['out']}")
+
+
+def _summarise(file: Path, *, shown: bool = True) -> xr.Dataset:
+    """Return a saved result that has been understood, with its sentences printed."""
+    from vibroimpact.files import load
+    from vibroimpact.report import sentences_of
+
+    with refusing(OSError), _understood(file):
+        dataset = load(file)
+        lines = sentences_of(dataset)
+    if shown:
+        typer.echo("\n".join(map(printable, lines)))
+    return dataset
 
 
 @contextmanager
@@ -70,7 +79,15 @@ def _understood(path: Path) -> Iterator[None]:
         raise OSError(f"{str(path)!r} is damaged, or no result of this package ({what}); make it again") from error
 
 
-@with_options(Option("file", "STORE", "A map written tile by tile, as a .zarr.", flags=(), required=True))
+@with_options(
+    Option(
+        "file",
+        "STORE",
+        "A map written tile by tile, as a .zarr.",
+        flags=(),
+        required=True,
+    )
+)
 def info(options: Options) -> None:
     """Progress of a stored map, what it cost and found, and how to continue it.
 
@@ -78,7 +95,11 @@ def info(options: Options) -> None:
 
       vibroimpact info map.zarr
     """
-    typer.echo("\n".join(map(printable, sentences_of_store(options["file"]))))
+    file: Path = options["file"]
+    if file.is_file():  # no store, which is a folder
+        _summarise(file)
+        return
+    typer.echo("\n".join(map(printable, sentences_of_store(file))))
 
 
 @with_options(
@@ -162,12 +183,13 @@ def warm_up(options: Options) -> None:
     """
     from vibroimpact import warming
 
-    with refusing(), Meter("kernels", keeps=False, clock=perf_counter) as meter:
+    began = perf_counter()
+    with refusing(), Meter("kernels", keeps=False) as meter:
         if options["cluster"] is None:
             warming.warm_up(meter)
         else:
             warming.warm_up_cluster(options["cluster"], meter)
-    typer.echo(f"all kernels are compiled ({duration(meter.seconds)})")
+    typer.echo(f"all kernels are compiled ({duration(perf_counter() - began)})")
 
 
 # Maps that are written tile by tile

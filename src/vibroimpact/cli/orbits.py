@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from vibroimpact import compiling
 from vibroimpact.cli import output
 from vibroimpact.cli import schema as o
 from vibroimpact.cli.endings import Ended, WrongRequest, refusing
 from vibroimpact.cli.options import Options, numbers, with_options
 from vibroimpact.cli.study import Study, study_of
+from vibroimpact.compiling import before_compiling, clock
 from vibroimpact.progress import Meter, duration
 
 if TYPE_CHECKING:
@@ -49,19 +49,19 @@ def orbit(options: Options) -> None:
     """
     study = study_of(options)
     output.check_looks(options, (".json",))
-    began = compiling.clock()
-    with compiling.before_compiling(study.announce):
+    began = clock()
+    with before_compiling(study.announce):
         orbits = _find(study, options)
     out = options["out"]
     if out is not None and out.suffix.lower() == ".json":
         output.write_json(orbits_json(orbits, study.model), options, out)
-        typer.echo(f"wrote {out} ({duration(compiling.clock() - began)})")
+        typer.echo(f"wrote {out} ({duration(clock() - began)})")
         return
     arguments = {name: options[name] for name in ("stops", "symmetric", "near") if options[name]}
     arguments = (
         {"n_periods": options.value("n_periods"), **arguments} if "stops" in arguments else _type(options) | arguments
     )
-    output.hand_on(orbits_dataset(orbits, study.model, arguments), options, compiling.clock() - began)
+    output.hand_on(orbits_dataset(orbits, study.model, arguments), options, clock() - began)
 
 
 def _type(options: Options) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +21,7 @@ from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.units import has_unit, without_unit
 from vibroimpact.options import Tolerances
-from vibroimpact.parameters import Parameter, invalid, unknown, whole_number
+from vibroimpact.parameters import Parameter, closest, invalid, unknown, whole_number
 
 if TYPE_CHECKING:
     from vibroimpact.cells import Floats
@@ -92,12 +93,30 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
-        message = f"`study` {str(path)!r} cannot be read ({error.strerror}); give the name of a TOML file"
+        message = f"`study` {str(path)!r} cannot be read ({error.strerror}); {_instead_of(path)}"
         raise OSError(error.errno, message) from error
     except ValueError as error:
-        raise ValueError(f"`study` {str(path)!r} is invalid TOML: {error}") from error
+        if path.suffix.lower() == ".toml":
+            raise ValueError(f"`study` {str(path)!r} is invalid TOML: {error}") from error
+        raise ValueError(f"`study` {str(path)!r} is no study file (TOML); {_instead_of(path)}") from error
     except RecursionError:
         raise ValueError(f"`study` {str(path)!r} is invalid TOML: its values are nested too deeply") from None
+
+
+def _instead_of(path: Path) -> str:
+    """Return what was probably meant by what was typed in place of a study file."""
+    text, ending = str(path), path.suffix.lower()
+    if "=" in text:
+        flag = "--x" if ":" in text else "-p"
+        return f"did you mean `{flag} {text}`?"
+    if ending == ".py":
+        return f"did you mean `--model {text}:NAME`?"
+    if ending in (".zarr", ".nc"):
+        return f"a saved result is shown by `vibroimpact plot {text}`"
+    with suppress(OSError):
+        if near := closest(path.name, [each.name for each in path.parent.iterdir() if each.suffix == ".toml"]):
+            return f"did you mean {str(path.parent / near)!r}?"
+    return "give the name of a TOML file, and parameters as -p NAME=VALUE"
 
 
 def make_study(

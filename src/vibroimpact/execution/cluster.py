@@ -21,6 +21,7 @@ from vibroimpact.backends.base import Outcome
 from vibroimpact.dataset import package_version
 from vibroimpact.execution.base import Part, Pieces, usual_tile
 from vibroimpact.execution.threads import compute_here
+from vibroimpact.parameters import MissingExtra, to_install
 from vibroimpact.request import Request
 
 if TYPE_CHECKING:
@@ -227,9 +228,8 @@ def check_cluster(cluster: Any) -> None:
     try:
         from distributed import Client
     except ImportError as error:
-        raise ImportError(
-            f"`cluster` needs Dask, which is not installed ({error}); "
-            "install it with `pip install 'vibroimpact[cluster]'`"
+        raise MissingExtra(
+            f"`cluster` needs Dask, which is not installed ({error}); {to_install('cluster')} installs it"
         ) from None
     if isinstance(cluster, Client):
         if cluster.asynchronous:

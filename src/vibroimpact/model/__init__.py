@@ -64,7 +64,7 @@ def check_names(parameters: Mapping[str, Parameter], names: Iterable[str]) -> No
     for name in names:
         if not isinstance(name, str) or name not in parameters:
             meant = next((key for key, parameter in parameters.items() if parameter.symbol == str(name)), None)
-            raise unknown("parameter", name, parameters, f"did you mean {meant!r}?" if meant else "")
+            raise unknown("parameter", name, parameters, meant=meant or "")
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from vibroimpact.parameters import Parameter, invalid
+from vibroimpact.parameters import Parameter, invalid, to_install
 
 # A number, then a unit; what follows the number is no exponent.
 _WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*((?![eE][-+]?\d)[a-zA-Zµμ%°].*)")
@@ -44,10 +44,10 @@ def without_unit(parameter: Parameter, value: Any) -> Any:
 
 
 def has_unit(value: Any) -> bool:
-    """Return whether a value, or one of several, is written with a unit."""
+    """Return whether a value, or one of several, is written with a unit; a percentage has none."""
     if isinstance(value, (Mapping, list, tuple)):
         return any(map(has_unit, value.values() if isinstance(value, Mapping) else value))
-    return isinstance(value, str) and _WITH_UNIT.fullmatch(value) is not None
+    return isinstance(value, str) and (written := _WITH_UNIT.fullmatch(value)) is not None and written[2].strip() != "%"
 
 
 def _converted(parameter: Parameter, text: str, number: float, unit: str) -> float:
@@ -71,7 +71,7 @@ def _registry() -> tuple[Any, tuple[type[Exception], ...]]:
     try:
         import pint
     except ImportError:
-        raise ValueError("a value with a unit needs pint; install it with: pip install 'vibroimpact[units]'") from None
+        raise ValueError(f"values with units need pint, which is missing; {to_install('units')} installs it") from None
     units: Any = pint.UnitRegistry()
     units.define("hertz = turn / second = Hz")  # for pint 10 Hz are 10 rad/s
     return units, (pint.PintError, AttributeError, AssertionError, TypeError, ValueError)

@@ -7,7 +7,7 @@ import numpy as np
 from vibroimpact.cells import Floats
 from vibroimpact.model.stops import Force, Stop
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.models.arguments import checked
+from vibroimpact.models.arguments import checked, first_given
 from vibroimpact.models.slots import slot
 from vibroimpact.parameters import radians
 
@@ -24,6 +24,8 @@ def impact_damper(
     clearance: float = 5e-3,
     particles: int = 1,
     restitution: float = 0.7,
+    left_restitution: float | None = None,
+    right_restitution: float | None = None,
 ) -> ImpactSystem:
     r"""Return a structure with free particles in a slot: the damper of boring bars, antennas, turbine blades.
 
@@ -54,6 +56,8 @@ def impact_damper(
         p, how many share the slot.
     restitution : float, 0 to 1
         At the ends, and between particles.
+    left_restitution, right_restitution : float, 0 to 1, optional
+        Of one side, where it is another.
 
     Returns
     -------
@@ -80,12 +84,14 @@ def impact_damper(
     ('left', 'between_1', 'between_2', 'right')
     """
     names = ["left", *(f"between_{at}" for at in range(1, particles)), "right"]
+    own = {"left": left_restitution, "right": right_restitution}
     stops = []
     for at, name in enumerate(names):
         direction = np.zeros(particles + 1)
         direction[at] += 1.0
         direction[(at + 1) % (particles + 1)] -= 1.0
-        stops.append(Stop(direction=direction, gap=clearance / (particles + 1), restitution=restitution, name=name))
+        r = first_given(own.get(name), restitution)
+        stops.append(Stop(direction=direction, gap=clearance / (particles + 1), restitution=r, name=name))
     masses = [mass, *[particle_mass / particles] * particles]
     return _structure(masses, natural_frequency, damping_ratio, force, frequency, stops)
 
@@ -103,6 +109,10 @@ def two_unit_impact_damper(
     clearance: float = 5e-3,
     second_clearance: float = 4e-3,
     restitution: float = 0.7,
+    first_left_restitution: float | None = None,
+    first_right_restitution: float | None = None,
+    second_left_restitution: float | None = None,
+    second_right_restitution: float | None = None,
 ) -> ImpactSystem:
     r"""Return a structure with two free particles, each in a slot of its own: two small knocks in place of a hard one.
 
@@ -129,6 +139,10 @@ def two_unit_impact_damper(
         d_1 and d_2 in m, from one end of the slot to the other.
     restitution : float, 0 to 1
         At all ends.
+    first_left_restitution, first_right_restitution : float, 0 to 1, optional
+        Of one side, where it is another.
+    second_left_restitution, second_right_restitution : float, 0 to 1, optional
+        Of one side, where it is another.
 
     Returns
     -------
@@ -149,9 +163,10 @@ def two_unit_impact_damper(
     >>> two_unit_impact_damper().clearances([1e-3, 0.0, 0.0]).tolist()
     [0.0015, 0.0035, 0.001, 0.003]
     """
+    ends = first_left_restitution, first_right_restitution, second_left_restitution, second_right_restitution
     one, two = np.array([-1.0, 1.0, 0.0]), np.array([-1.0, 0.0, 1.0])
-    first = slot("first_left", "first_right", one, clearance, restitution=restitution)
-    second = slot("second_left", "second_right", two, second_clearance, restitution=restitution)
+    first = slot("first_left", "first_right", one, clearance, None, ends[:2], restitution=restitution)
+    second = slot("second_left", "second_right", two, second_clearance, None, ends[2:], restitution=restitution)
     masses = [mass, particle_mass, second_particle_mass]
     return _structure(masses, natural_frequency, damping_ratio, force, frequency, [*first, *second])
 
@@ -169,6 +184,8 @@ def tuned_mass_damper(
     absorber_damping_ratio: float = 0.085,
     stroke: float = 0.01,
     restitution: float = 0.4,
+    left_restitution: float | None = None,
+    right_restitution: float | None = None,
 ) -> ImpactSystem:
     r"""Return a structure with a tuned mass that strikes its housing: a footbridge in more load than planned.
 
@@ -200,6 +217,8 @@ def tuned_mass_damper(
         s in m to either side.
     restitution : float, 0 to 1
         Of the housing's ends.
+    left_restitution, right_restitution : float, 0 to 1, optional
+        Of one side, where it is another.
 
     Returns
     -------
@@ -224,7 +243,8 @@ def tuned_mass_damper(
     absorber = mass_ratio * mass
     rate = radians(natural_frequency) * tuning
     link = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    stops = slot("left", "right", np.array([-1.0, 1.0]), 2.0 * stroke, restitution=restitution)
+    own = left_restitution, right_restitution
+    stops = slot("left", "right", np.array([-1.0, 1.0]), 2.0 * stroke, None, own, restitution=restitution)
     return _structure(
         [mass, absorber],
         natural_frequency,

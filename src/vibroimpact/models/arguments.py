@@ -25,6 +25,12 @@ def _not_negative(name: str, long_name: str, unit: str, hint: str = "") -> Param
     return Parameter(name, long_name, unit, name, 0.0, hint=hint)
 
 
+def _restitution(stop: str) -> Parameter:
+    name, where = f"{stop}_restitution", stop.replace("_", " ")
+    usual = ImpactOscillator.parameters["restitution"]
+    return replace(usual, name=name, symbol=name, long_name=f"{usual.long_name}, {where} side", follows="restitution")
+
+
 def _place(name: str, of: str) -> Parameter:
     hint = "give the distance from the left end over the length"
     return Parameter(name, f"place of the {of}", "1", name, 0.0, 1.0, hint=hint)
@@ -94,7 +100,14 @@ _TUBES = [
     _place("second_support_at", "second support"),
     _positive("diametral_clearance", "diametral clearance in the supports", "m"),
 ]
-TABLE = {entry.name: entry for entry in [*_OSCILLATORS, *_MACHINES, *_GEARS, *_DAMPERS, *_BEAMS, *_TUBES]}
+_SIDES = [
+    _restitution(stop)
+    for stop in (
+        "left", "right", "drive", "coast", "first_left", "first_right", "second_left", "second_right",
+        "first_upper", "first_lower", "second_upper", "second_lower",
+    )
+]  # fmt: skip
+TABLE = {entry.name: entry for entry in [*_OSCILLATORS, *_MACHINES, *_GEARS, *_DAMPERS, *_BEAMS, *_TUBES, *_SIDES]}
 
 
 _RAISES = """
@@ -117,7 +130,11 @@ def checked(function: Callable[_Arguments, _Model]) -> Callable[_Arguments, _Mod
     @functools.wraps(function)
     def model(*positional: _Arguments.args, **arguments: _Arguments.kwargs) -> _Model:
         check_names(parameters, arguments)
-        numbers: dict[str, Any] = {name: parameters[name].check(value) for name, value in arguments.items()}
+        numbers: dict[str, Any] = {
+            name: parameters[name].check(value)
+            for name, value in arguments.items()
+            if value is not None or not parameters[name].follows
+        }
         return function(*positional, **numbers)
 
     vars(model)["parameters"] = parameters
@@ -133,3 +150,8 @@ def sharing(sections: str) -> Callable[[_Documented], _Documented]:
         return function
 
     return share
+
+
+def first_given(value: float | None, usual: float) -> float:
+    """Return the restitution of a side, or that of all sides where it has none of its own."""
+    return usual if value is None else value

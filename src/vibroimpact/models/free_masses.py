@@ -82,6 +82,8 @@ def impact_pair(
     inclination: float = 0.0,
     gravity: float = 9.81,
     restitution: float = 0.6,
+    left_restitution: float | None = None,
+    right_restitution: float | None = None,
 ) -> ImpactSystem:
     r"""Return a free mass in the slot of a shaken frame: a joint with play, a shaken part in its box, a harvester.
 
@@ -105,6 +107,8 @@ def impact_pair(
         g in m/s^2; of no account in a horizontal slot.
     restitution : float, 0 to 1
         Of both ends.
+    left_restitution, right_restitution : float, 0 to 1, optional
+        Of one side, where it is another.
 
     Returns
     -------
@@ -137,7 +141,9 @@ def impact_pair(
         mass=mass,
         stiffness=0.0,
         force=Force(frequency=frequency, constant=-mass * gravity * math.sin(math.radians(inclination))),
-        stops=slot("left", "right", 1.0, clearance, amplitude, restitution=restitution),
+        stops=slot(
+            "left", "right", 1.0, clearance, amplitude, (left_restitution, right_restitution), restitution=restitution
+        ),
     )
 
 
@@ -153,6 +159,8 @@ def idle_gear(
     drag_torque: float = 0.2,
     rotational_damping: float = 1e-3,
     restitution: float = 0.7,
+    drive_restitution: float | None = None,
+    coast_restitution: float | None = None,
 ) -> ImpactSystem:
     r"""Return an idle gear that rattles in its backlash: the unloaded wheels of a car's gearbox in neutral.
 
@@ -184,6 +192,8 @@ def idle_gear(
         c in N m s/rad, what drag grows by with speed.
     restitution : float, 0 to 1
         Of both flanks.
+    drive_restitution, coast_restitution : float, 0 to 1, optional
+        Of one side, where it is another.
 
     Returns
     -------
@@ -212,13 +222,14 @@ def idle_gear(
     0.625
     """
     omega = 2.0 * math.pi * order * rpm / 60.0
+    own = drive_restitution, coast_restitution
     moves = base_radius * angular_acceleration / omega**2
     return ImpactSystem(
         mass=inertia,
         damping=rotational_damping,
         stiffness=0.0,
         force=Force(omega=omega, constant=-drag_torque),
-        stops=slot("drive", "coast", base_radius, backlash, moves, restitution=restitution),
+        stops=slot("drive", "coast", base_radius, backlash, moves, own, restitution=restitution),
     )
 
 

@@ -7,7 +7,7 @@ import math
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.stops import Force, Stop
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.models.arguments import checked
+from vibroimpact.models.arguments import checked, first_given
 from vibroimpact.parameters import critical_damping
 
 
@@ -22,6 +22,8 @@ def two_sided_oscillator(
     left_gap: float = 1e-3,
     right_gap: float = 1e-3,
     restitution: float = 0.6,
+    left_restitution: float | None = None,
+    right_restitution: float | None = None,
 ) -> ImpactSystem:
     r"""Return a mass on a spring between two stops: a pipe in its snubber, a part with play on both sides.
 
@@ -45,6 +47,8 @@ def two_sided_oscillator(
         Clearances in m from the position where the spring is relaxed; a negative one preloads against that stop.
     restitution : float, 0 to 1
         Of both stops.
+    left_restitution, right_restitution : float, 0 to 1, optional
+        Of one side, where it is another.
 
     Returns
     -------
@@ -78,8 +82,8 @@ def two_sided_oscillator(
         stiffness=stiffness,
         force=Force(frequency=frequency, harmonics={1: force}),
         stops=[
-            Stop(direction=-1.0, gap=left_gap, restitution=restitution, name="left"),
-            Stop(direction=1.0, gap=right_gap, restitution=restitution, name="right"),
+            Stop(direction=-1.0, gap=left_gap, restitution=first_given(left_restitution, restitution), name="left"),
+            Stop(direction=1.0, gap=right_gap, restitution=first_given(right_restitution, restitution), name="right"),
         ],
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from vibroimpact.model.stops import Force, Stop
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.models.arguments import checked, sharing
+from vibroimpact.models.arguments import checked, first_given, sharing
 from vibroimpact.models.beam_modes import beam_modes, moving_row
 from vibroimpact.parameters import invalid
 
@@ -46,6 +46,10 @@ diametral_clearance : float, > 0
     c in m, diameter of the hole less D.
 restitution : float, 0 to 1
     In both supports.
+first_upper_restitution, first_lower_restitution : float, 0 to 1, optional
+    Of one side, where it is another.
+second_upper_restitution, second_lower_restitution : float, 0 to 1, optional
+    Of one side, where it is another.
 modes : int, 1 to 12
     How many are kept.
 
@@ -82,6 +86,10 @@ def tube_in_supports(
     second_support_at: float = 0.7,
     diametral_clearance: float = 0.8e-3,
     restitution: float = 0.6,
+    first_upper_restitution: float | None = None,
+    first_lower_restitution: float | None = None,
+    second_upper_restitution: float | None = None,
+    second_lower_restitution: float | None = None,
     modes: int = 3,
 ) -> ImpactSystem:
     r"""Return a tube of a heat exchanger, pinned at its ends, that rattles in two supports with clearance.
@@ -134,6 +142,10 @@ def clamped_tube_in_supports(
     second_support_at: float = 0.7,
     diametral_clearance: float = 0.8e-3,
     restitution: float = 0.6,
+    first_upper_restitution: float | None = None,
+    first_lower_restitution: float | None = None,
+    second_upper_restitution: float | None = None,
+    second_lower_restitution: float | None = None,
     modes: int = 3,
 ) -> ImpactSystem:
     r"""Return a tube that is clamped at its ends, as in two tube sheets, and rattles in two supports with clearance.
@@ -186,7 +198,7 @@ def _tube(ends: str, numbers: Mapping[str, float]) -> ImpactSystem:
             Stop(
                 direction=direction,
                 gap=0.5 * numbers["diametral_clearance"],
-                restitution=numbers["restitution"],
+                restitution=first_given(numbers[f"{name}_restitution"], numbers["restitution"]),
                 name=name,
             )
             for name, direction in sides.items()
