@@ -134,8 +134,8 @@ def test_every_public_function_has_an_example():
     assert [name for name in without if ">>> " not in (getattr(vi, name).__doc__ or "")] == []
 
 
-def test_the_statuses_of_the_model_page_are_those_of_the_code():
-    rows = table(DOCS / "theory" / "equations.md", "| code | `status`")
+def test_the_statuses_of_the_glossary_are_those_of_the_code():
+    rows = table(DOCS / "reference" / "glossary.md", "| code | `status`")
     assert rows == [[str(s.value), s.word, s.sentence.replace("`", "")] for s in vi.Status]
     assert [s.has_indices for s in vi.Status] == [True] * 4 + [False] * 7  # "the first four"
 
@@ -143,6 +143,16 @@ def test_the_statuses_of_the_model_page_are_those_of_the_code():
 def test_the_glossary_has_the_words_symbols_and_units_of_results():
     rows = table(DOCS / "reference" / "glossary.md", "| word | symbol")
     assert rows == [[name, symbol, words, unit] for name, (words, unit, symbol) in VARIABLES.items()]
+
+
+def test_the_page_on_gpus_states_what_was_measured():
+    run = json.loads((ROOT / "benchmarks" / "results" / "gpu.json").read_text())
+    page = (DOCS / "about" / "gpu.md").read_text()
+    assert f"On an {run['gpu']}, on {run['date']}, for one map of {run['every_impact']['cells']:,} cells" in page
+    rows = table(DOCS / "about" / "gpu.md", "| map | time")
+    for row, way in zip(rows, ("every_impact", "early_closing"), strict=True):
+        rates = [f"{run[way][f'impacts_{kind}_per_s']:.2e}".replace("+0", "") for kind in ("answered", "computed")]
+        assert row[1:] == [f"{run[way]['median_s']:.3f} s", *rates]
 
 
 def test_the_command_line_page_lists_every_command():

@@ -2,7 +2,6 @@
 
 import contextlib
 import re
-import shutil
 import subprocess
 import sys
 from urllib.parse import urlsplit
@@ -12,10 +11,6 @@ import pytest
 playwright_api = pytest.importorskip("playwright.sync_api", reason="no playwright: install the extra [web-test]")
 pytest.importorskip("tornado", reason="needs the extra [web]")
 PATIENCE = 300_000  # ms: tells a page that hangs, not a loaded machine that compiles its kernels meanwhile
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-         "--disable-component-update", "--disable-sync"]  # fmt: skip
 # Without the limits of time: what a page shows in the end must not depend on how busy this machine is.
 SERVE = (
     "from vibroimpact.explorer import explore, session, work; "
@@ -41,16 +36,6 @@ def serving(store=None, port=0, before="", more=""):
 def address():
     with serving() as found:
         yield found
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if CHROMIUM is None:
-        pytest.skip("no Chromium: install Debian's package chromium")
-    with playwright_api.sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield started
-        started.close()
 
 
 @contextlib.contextmanager
