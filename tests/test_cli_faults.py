@@ -192,7 +192,7 @@ def test_a_stored_map_whose_axis_is_damaged_is_not_gone_on_with(run, refused, tm
     assert run(small)[0] == 0
     (tmp_path / "map.zarr/omega/c/0").unlink()
     for command in (small, "info map.zarr"):
-        assert "omega/c/0' is missing or damaged); restore that file or delete the store" in refused(command)
+        assert "omega/c/0' is missing or damaged); restore that file, delete the store" in refused(command)
 
 
 # Failures and interruptions

@@ -79,7 +79,7 @@ def test_a_study_file_may_name_the_model(run, tmp_path):
         ("--model tube.py:shaker -p rpm=fast", "`rpm` must be a finite number, got 'fast'"),
         ("--model tube.py:none", "unknown model 'none'; choose from shaker, heavy"),
         ("--model tube.py:plain", "unknown model 'plain'; choose from shaker, heavy"),
-        ("--model tube.py", "`model` must be FILE.py:NAME such as tube.py:shaker, got 'tube.py'"),
+        ("--model tube.py", "`model` must be FILE.py:NAME, as in tube.py:shaker, or a ready-made model, as in"),
         ("--model none.py:shaker", "there is no file 'none.py'"),
         ("--model broken.py:shaker", "`model` 'broken.py:shaker' cannot be loaded; ZeroDivisionError"),
         ("--model lacking.py:shaker", "`model` 'lacking.py:shaker' cannot be loaded; ModuleNotFoundError: No module"),
