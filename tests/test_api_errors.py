@@ -139,7 +139,7 @@ def test_numbers_in_quotes_are_answered_with_their_quotes():
 
 @pytest.mark.parametrize("refine", [None, 2])
 def test_what_is_no_oscillator_is_refused(refine):
-    with pytest.raises(ValueError, match="`osc` must be an ImpactOscillator .*, got {'mass': 1}; write"):
+    with pytest.raises(ValueError, match="`osc` must be an ImpactOscillator, .*, got {'mass': 1}; for example"):
         vi.parameter_map({"mass": 1}, omega=[1, 2], refine=refine)
 
 

@@ -143,7 +143,7 @@ def mixed(x=1.0):
         (lambda: shaker.replace(rmp=1.0), "unknown parameter 'rmp'; .*did you mean 'rpm'"),
         (lambda: shaker.at(rpm=-5.0), r"shaker fails at unbalance=0.002, rpm=-5, clearance_mm=0.5: `omega` must be"),
         (lambda: vi.parameter_map(shaker, omega=[1.0]), "unknown parameter 'omega'; choose from unbalance, rpm"),
-        (lambda: vi.parameter_map(OSC, points={"omega": [1.0], "gap": [0.0, 1.0]}), "columns of one length"),
+        (lambda: vi.parameter_map(OSC, points={"omega": [1.0], "gap": [0.0, 1.0]}), "columns of equal length"),
         (
             lambda: vi.parameter_map(OSC, points={"omega": [1.0]}, gap=[0.0]),
             "either `points` or .* gap, not both",

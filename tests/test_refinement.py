@@ -263,7 +263,7 @@ def test_a_wrong_request_is_told_what_is_allowed(wrong, words):
 
 
 def test_a_uniform_map_is_no_refined_one():
-    with pytest.raises(ValueError, match="`plane` must be what `refined_map` returned, got a Dataset without"):
+    with pytest.raises(ValueError, match="`plane` must be a result of `refined_map`, got a Dataset without"):
         vi.to_uniform(vi.parameter_map(OSC, omega=[1.0, 2.0], sample_impacts=10))
     plane = vi.refined_map(OSC, refine=1, omega=[1.9, 2.0], mass=[1.0, 1.1], sample_impacts=50)
     with pytest.raises(ValueError, match="`shape` must be a pair"):

@@ -168,7 +168,7 @@ class Cells:
         Raises
         ------
         ValueError
-            The initial condition lies beyond the stop of a cell, or 2^53 driving periods or more from time 0.
+            The initial condition lies beyond the stop of a cell, or is 2^53 driving periods or more from time 0.
         """
         if start is None:
             return self

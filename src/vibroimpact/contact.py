@@ -255,8 +255,8 @@ def law_of(value: Any) -> Any:
 
     Raises
     ------
-    The function fails, or does not return a number from 0 to 1, at one of 111 speeds from 1e-9 to 100 m/s.
-        It fails, or returns no number from 0 to 1, at one of 111 speeds from 1e-9 to 100 m/s.
+    ValueError
+        The function fails, or does not return a number from 0 to 1, at one of 111 speeds from 1e-9 to 100 m/s.
 
     Examples
     --------

@@ -56,7 +56,9 @@ _CLASSES: set[type] = set()  # of models seen before: checking a protocol takes 
 def check_model(model: Any, name: str = "osc") -> None:
     """Raise unless `model` is an oscillator, a system or a family."""
     if not is_model(model):
-        raise invalid(name, model, "an ImpactOscillator, an ImpactSystem or a family", "as ImpactOscillator(omega=2)")
+        raise invalid(
+            name, model, "an ImpactOscillator, an ImpactSystem or a family", "for example ImpactOscillator(omega=2)"
+        )
 
 
 def check_names(parameters: Mapping[str, Parameter], names: Iterable[str]) -> None:

@@ -167,9 +167,7 @@ def _along(forces: Any, shapes: Floats, neutral: Any) -> Any:
 
 @lru_cache(KEPT)
 def _linear(n: int, *entries: bytes) -> tuple[Floats, Floats, Floats, Floats, bool, Any]:
-    """Return shapes, modal masses, squares, damping and what is neutral of three matrices and the stops' directions;
-    designs of one family share them.
-    """
+    """Return the shapes, masses, squares, damping, `decoupled` and `neutral` of a form; families share them."""
     mass, damping, stiffness, directions = (np.frombuffer(part).reshape(-1, n) for part in entries)
     shapes, squares = modes(mass, stiffness)
     shapes, free = _centred(shapes, squares, mass, directions)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _AS_SYSTEM = (
     "write ImpactSystem(mass=m, damping=c, stiffness=k, force=Force(omega=w, harmonics={1: f}), "
-    "stops=[Stop(direction=1.0, gap=g, restitution=law)])for a law of restitution"
+    "stops=[Stop(direction=1.0, gap=g, restitution=law)]) for a law of restitution"
 )
 PARAMETERS = tuple(name for name, parameter in OF_ONE_MASS.items() if parameter.replaces is None)
 

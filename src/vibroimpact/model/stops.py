@@ -161,8 +161,7 @@ class Stop(ByValue):
     .. math:: F = \max(0,\ k d + c \dot d), \qquad d = -u > 0,
 
     from the time when u falls below zero until the force has fallen to zero. It never pulls: if c > 0, it separates
-    before
-    u returns to zero, and exerts no force until contact is made again.
+    before u returns to zero, and exerts no force until contact is made again.
 
     Parameters
     ----------
@@ -182,7 +181,7 @@ class Stop(ByValue):
         The prefix of its parameters, as in ``bar_gap``; ``stop_1``, ``stop_2``, ... by default.
     motion : mapping of int to complex, optional
         d_h in m by the order h >= 1 of the force's frequency: a real number is a sine, an imaginary one a cosine.
-        A positive one moves the stop away along a.
+        A positive one moves the stop in the direction of a.
 
     Raises
     ------

@@ -46,7 +46,7 @@ class ImpactSystem(ByValue):
     Parameters
     ----------
     mass : (n, n) array_like
-        M in kg, symmetric and positive definite; for one coordinate, a number (so for all matrices). n is at most 128.
+        M in kg, symmetric and positive definite; n is at most 128. With one coordinate, matrices may be numbers.
     damping : (n, n) array_like
         C in N s/m, zero by default; its symmetric part is positive semidefinite, its skew part is arbitrary.
     stiffness : (n, n) array_like
@@ -318,7 +318,7 @@ class ImpactSystem(ByValue):
         The largest over the stops j of
 
         - a_j . M^-1 a_j under a root, times the sum over the harmonics of the norm of p_h / Omega in the mass metric,
-        over   modes that interact with the stops; the part of p_0 on free modes is one more term;
+          over modes that interact with the stops; the part of p_0 on free modes is one more term;
         - the speed of a moving stop, sum of h w \|d_jh\|;
         - the clearance in static equilibrium times sqrt(a_j . M^-1 a_j / a_j . K^-1 a_j), if the stop sees no free
           mode.

@@ -1,4 +1,4 @@
-"""Pairs of stops on either side of what moves: the ends of a slot, the flanks of a tooth."""
+"""Pairs of stops on both sides of a moving part: the ends of a slot, the flanks of a tooth."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from vibroimpact.model.stops import Stop
 def slot(
     below: str, above: str, direction: Any, clearance: float, amplitude: float | None = None, **contact: float
 ) -> list[Stop]:
-    """Return the two ends of a slot along direction . q, each half of its clearance away at q = 0.
+    """Return the two ends of a slot along direction . q, each at half of the clearance at q = 0.
 
-    They move together by amplitude sin wt, if one is given; `contact` holds their restitution, or stiffness and
-    damping.
+    They move together as amplitude sin wt, if an amplitude is given; `contact` holds their restitution, or their
+    stiffness and damping.
     """
     return [
         Stop(
