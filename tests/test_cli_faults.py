@@ -100,7 +100,7 @@ def child(*arguments: str, **options):
             "the axes must stay before all .* 'stop' by 0.25 m",
         ),
         ("basins --x phase=0:1:4 --y displacement=0:1:5", "the axes must be .*, got `phase`, `displacement`"),
-        ("map --x omega=1:2:3 --y m=1:2:3 --refine 1 --tile 9", "`tile` goes with `cluster` only"),
+        ("map --x omega=1:2:3 --y m=1:2:3 --refine 1 --tile 9", "`tile` needs a `cluster`"),
         ("map --x omega=1:2:3 --tile 9", r"`tile` needs a `store` \(--out run.zarr\) or a `cluster`, got 9"),
         ("basins --x phase=0:1:1", "`phase.points` must be .*, got 1"),
         ("basins --x phase=0:nan:4", "`phase.to` must be .*, got nan"),
@@ -130,7 +130,7 @@ def test_a_wrong_request_exits_2_with_one_line_and_touches_nothing(refused, comm
     [
         (
             "map --x w=1:2:9000 --y m=1:2:9000 --out map.nc",
-            "81,000,000 cells, which take 20.2 GB .* --out run.zarr, or ta",
+            "81,000,000 cells, which take 20.2 GB .* --out run.zarr, or us",
         ),
         ("map --x w=1:2:9000 --y m=1:2:9000", "81,000,000 cells"),
         ("map --x w=1:2:9000 --y m=1:2:9000 --tile 10000000 --out map.zarr", "`tile` is .* which take 2.* GB"),

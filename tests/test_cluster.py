@@ -384,7 +384,7 @@ def test_without_dask_the_extra_is_named(monkeypatch):
 
 def test_a_worker_with_another_version_is_refused(client, monkeypatch):
     monkeypatch.setattr("vibroimpact.execution.cluster.package_version", lambda: "0.0.1")
-    with pytest.raises(RuntimeError, match=r"this is 0\.0\.1; .* one version"):
+    with pytest.raises(RuntimeError, match=r"this process has 0\.0\.1; .* equal versions"):
         sweep(cluster=client)
 
 

@@ -311,11 +311,7 @@ def test_the_help_of_a_figure_has_every_parameter_and_what_it_returns(name):
         (plotting.phase_portrait, [1.0, 2.0], "got a list; pass what vibroimpact.simulate returns"),
         (plotting.stroboscopic_map, impacts([0.5], [1.0]), "pass what vibroimpact.stroboscopic_section returns"),
         (plotting.impact_map, strobe([0.5], [1.0]), "must be a result of impact_section"),
-        (
-            plotting.oscillator_sketch,
-            3,
-            "`oscillator` must be an ImpactOscillator, an ImpactSystem or a family, got an int",
-        ),
+        (plotting.oscillator_sketch, 3, "`oscillator` must be an ImpactOscillator or a family, got an int"),
         (plotting.bifurcation_diagram, curve([0.1, 0.2]), "got a result of parameter_map with std"),
         (
             plotting.index_curve,

@@ -250,7 +250,7 @@ def test_a_refined_map_is_drawn_and_resampled(hard):
         ({"refine": 0}, "`refine` must be a whole number >= 1, got 0"),
         ({"refine": 13}, "`refine` must be between 1 and 12, got 13"),
         ({"jump": 0.0}, "`jump` must be None or a number above 0.*, got 0.0"),
-        ({"mass": [1.0]}, "`mass` must have two or more values"),
+        ({"mass": [1.0]}, "`mass` must have at least two values"),
         ({"gap": [0.0, 0.1]}, "`refine` needs two axes, got 3"),
         ({"mass": None}, "`refine` needs two axes, got 1"),
         ({"start": vi.State(1.0)}, "`start` must have a displacement .* got 1.0"),

@@ -147,7 +147,7 @@ def test_a_second_writer_is_refused_until_the_first_is_gone_even_if_it_was_kille
     store = tmp_path / "run.zarr"
     process = started("slow", store)
     try:
-        with pytest.raises(StoreBusy, match=r"`store` is '.*run.zarr', to which another process writes; wait"):
+        with pytest.raises(StoreBusy, match=r"`store` '.*run.zarr' is being written by another process; wait"):
             driver.sweep(store)
         assert 0 < SweepStore(store).dataset().attrs["cells_missing"] < 620  # reading is always allowed
     finally:

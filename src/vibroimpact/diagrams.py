@@ -148,7 +148,7 @@ def bifurcation_diagram(
     request = Request(osc, axes, measurement, one_start(start), engine.sampler, time_step)
     cells = request.cells()
     total = len(cells) * window.keep
-    hint = f"take fewer points, or smaller `sample_{_along(section)}s`"
+    hint = f"use fewer points, or smaller `sample_{_along(section)}s`"
     check_fits("axes", f"hold {len(cells):,} values, {total:,} samples, which take", 16 * total, hint)
     what = f"hold {len(cells):,} values of {_length(window):,} {_along(section)}s each, which take"
     check_steps("axes", what, len(cells) * _length(window), COSTLY)

@@ -68,9 +68,9 @@ def parameter_map(
     indices : names
         From velocity sums: `std`, `mean_velocity`, `max_velocity` (m/s), `impacts_per_period` = (N-1) T/(t_N - t_1).
         From all observers, at 1.6 times the cost: `lyapunov` (1/s) and `lyapunov_per_impact`, the largest exponent,
-        -inf for motions that stick; `n_periods` and `n_impacts`, the type of the cycle, 0 if none was found, n_impacts
-        = -1 for complete chatter; `dissipation` (J per period); `stick_fraction`; `impact_phase_spread` = 1 - \|<exp 2
-        pi i phase>\|; `grazing_margin` (m), the gap left at the closest near-miss, inf without one.
+        -inf for motions that stick; `n_periods` and `n_impacts`, the type of the cycle, 0 if none was found,
+        n_impacts = -1 for complete chatter; `dissipation` (J per period); `stick_fraction`; `impact_phase_spread` =
+        1 - \|<exp 2 pi i phase>\|; `grazing_margin` (m), the gap left at the closest near-miss, inf without one.
     backend : str
         Name of the back end; `time_step` in s is for "fixed-step" only. All except "cpu" take only one mass with one
         fixed rigid stop, driven at one frequency, which may be given as an `ImpactSystem`.
@@ -79,9 +79,9 @@ def parameter_map(
     start : State, list of State or int, optional
         The initial condition of every cell; None means at rest at min(0, gap) at time 0. A list of initial conditions
         adds a dim `start`: ``.max("start")`` is the worst case. A number N >= 2 means N initial conditions: at rest
-        first, then N - 1 impacts spread over phases 0 to 1 and velocities 0 to 4 V of each cell, V = max(f, k
-        \|g\|)/sqrt(k m). Number j has the phase psi/T = frac(1/2 + 0.7548776662466927 (j - 1)) and the velocity 4 V
-        frac(1/2 + 0.5698402909980532 (j - 1)), as in `attractors`.
+        first, then N - 1 impacts spread over phases 0 to 1 and velocities 0 to 4 V of each cell,
+        V = max(f, k \|g\|)/sqrt(k m). Number j has the phase psi/T = frac(1/2 + 0.7548776662466927 (j - 1)) and the
+        velocity 4 V frac(1/2 + 0.5698402909980532 (j - 1)), as in `attractors`.
     early_closing : bool
         Whether a cell stops once all its remaining impacts are known. Its indices are then completed in closed form,
         within 1e-10 of the velocity scale (1e-11 for systems), but `max_velocity` of an oscillator becomes that of the

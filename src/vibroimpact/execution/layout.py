@@ -75,8 +75,8 @@ def locked(lock: Path, store: Path) -> Iterator[None]:
         holding.acquire(timeout=0.0)
     except Timeout:
         raise StoreBusy(
-            f"`store` is {str(store)!r}, to which another process writes; wait until it has ended, or choose another "
             f"`store` {str(store)!r} is being written by another process; wait until that has ended, or choose another "
+            "name"
         ) from None
     except OSError as error:
         raise PermissionError(
@@ -125,7 +125,7 @@ def is_refined(arguments: Mapping[str, Any]) -> bool:
 def _check_room(request: Request, tiling: Tiling) -> None:
     """Raise if memory cannot hold one tile, or the records of all tiles."""
     many = f"span {math.prod(tiling.shape):,} cells in {len(tiling):,} tiles, whose records take"
-    check_fits("axes", many, len(tiling) * COLUMNS * 8, "take fewer points, or larger tiles")
+    check_fits("axes", many, len(tiling) * COLUMNS * 8, "use fewer points, or larger tiles")
     cells = math.prod(tiling.tile)
     check_fits("tile", f"is {cells:,} cells, which take", cells * request.cell_size, "4096 is usual")
 

@@ -170,7 +170,7 @@ class SweepStore:
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return the progress of the sweep: tiles and cells done, seconds gone by, impacts, and cells of each status.
+        """Return the progress of the sweep: tiles and cells done, seconds elapsed, impacts, and cells of each status.
 
         For refined maps, `cells` are those of the picture, and `needed` those that must be computed for it, as far as
         known.

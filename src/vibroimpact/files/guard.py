@@ -64,13 +64,13 @@ class GuardedStore(LocalStore):
     async def get(
         self, key: str, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
     ) -> Buffer | None:
-        """Return the content of a file, or None where there is none."""
+        """Return the content of a file, or None if there is none."""
         return await asyncio.to_thread(self.get_sync, key, prototype=prototype, byte_range=byte_range)
 
     def get_sync(
         self, key: str, *, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
     ) -> Buffer | None:
-        """Return the content of a file, or None where there is none."""
+        """Return the content of a file, or None if there is none."""
         content = self.content(key)
         if content is None:
             return None
@@ -85,7 +85,7 @@ class GuardedStore(LocalStore):
         return [await self.get(key, prototype, part) for key, part in key_ranges]
 
     def content(self, key: str) -> bytes | None:
-        """Return the content of a file once it has been checked, or None where there is none."""
+        """Return the content of a file once it has been checked, or None if there is none."""
         if key.rpartition("/")[2] == DESCRIPTION:
             content = self._bytes(key, MOST_TEXT)
             if content is not None:

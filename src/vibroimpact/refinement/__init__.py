@@ -44,7 +44,7 @@ def refine_map(
     request = refined(coarse, refine, jump)
     check_place(request, workers, cluster, tile)
     if tile is not None and cluster is None:
-        raise ValueError("with `refine`, `tile` goes with `cluster` only; leave it out")
+        raise ValueError("with `refine`, `tile` needs a `cluster`; leave it out")
     with reporter(progress, "cells") as report, ExitStack() as stack:
         stored, writer = None, None
         if store is not None:

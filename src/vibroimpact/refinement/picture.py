@@ -15,7 +15,7 @@ from vibroimpact.request import Places
 from vibroimpact.status import Status
 
 FILLED = -1  # the level of a cell that was not computed
-KINDS = 8  # ranges of a motion's code: its class is the remainder
+KINDS = 8  # a motion code modulo this is its class; the quotient is its n and p
 BAND = 256  # rows filled at a time, to save memory
 Arrays = Mapping[str, NDArray[Any]]
 Flags = NDArray[np.bool_]

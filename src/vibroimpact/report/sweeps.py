@@ -121,7 +121,7 @@ def diagram_sentences(dataset: xr.Dataset) -> Iterator[str]:
     direction = json.loads(dataset.attrs.get("arguments", "{}")).get("direction", "fresh")
     start = initial_condition(dataset, ", each from ")
     if direction != "fresh":
-        start = initial_condition(dataset, f", going {direction} from ", ", each next one from the last state")
+        start = initial_condition(dataset, f", going {direction} from ", ", then each next one from the last state")
     yield f"{counted(len(values), 'value')} of {axis_range(dataset, axis)}{start}"
     for name in ("displacement", "velocity"):
         if name in dataset and np.isfinite(dataset[name]).any():
