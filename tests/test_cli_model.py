@@ -83,7 +83,7 @@ def test_a_study_file_may_name_the_model(run, tmp_path):
         ("--model tube.py:plain", "unknown model 'plain'; choose from shaker, heavy"),
         ("--model tube.py", "`model` must name a model of tube.py: tube.py:shaker or tube.py:heavy"),
         ("--model tube.py:", "`model` must name a model of tube.py: tube.py:shaker or tube.py:heavy"),
-        ("--model tube:shaker", "`model` must be FILE.py:NAME such as tube.py:shaker, got 'tube:shaker'"),
+        ("--model tube:shaker", "`model` must be FILE.py:NAME, as in tube.py:shaker, or a ready-made model, as in"),
         ("--model Impact_Damper", "did you mean 'impact_damper'?"),
         ("--model two-sided-oscillator", "did you mean 'two_sided_oscillator'?"),
         ("--model BouncingBall", "did you mean 'bouncing_ball'?"),

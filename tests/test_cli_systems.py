@@ -156,7 +156,7 @@ def test_a_branch_that_rests_is_followed_to_its_end(run, tmp_path):
         (f"section {OWN} -p gap=0.1", "unknown parameter 'gap'; choose from omega, frequency, bar_gap"),
         (f"section {OWN} -p bar_restitution=2", "`bar_restitution` must be between 0 and 1, got 2"),
         (f"section {OWN} --start 0.1", "`start` must have 2 coordinates"),
-        (f"section {OWN} --start 0.1,0:0", "`displacement` and `velocity` must have as many numbers"),
+        (f"section {OWN} --start 0.1,0:0", "`displacement` and `velocity` must have the same length"),
         (f"section {OWN} --start 0.1,0:0,0:0:1", "`--start` must be Q,Q:V,V:T"),
         (f"section {OWN} --start 0.1,a:0,0", "`displacement` must be a finite number, got 'a'"),
         (f"section {OWN} --backend reference", "`backend` 'reference' takes only one mass"),

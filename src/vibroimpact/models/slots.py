@@ -1,4 +1,4 @@
-"""Pairs of stops on either side of what moves: the ends of a slot, the flanks of a tooth."""
+"""Pairs of stops on both sides of a moving part: the ends of a slot, the flanks of a tooth."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ def slot(
     restitutions: tuple[float | None, float | None] = (None, None),
     **contact: float,
 ) -> list[Stop]:
-    """Return the two ends of a slot along direction . q, each half of its clearance away at q = 0.
+    """Return the two ends of a slot along direction . q, each at half of the clearance at q = 0.
 
-    They move together by amplitude sin wt, if one is given; `contact` holds their restitution, or stiffness and
-    damping, of both; `restitutions` are those of the one and the other where they differ.
+    They move together as amplitude sin wt, if an amplitude is given; `contact` holds their restitution, or their
+    stiffness and damping; `restitutions` are those of the two where they differ.
     """
     return [
         Stop(
