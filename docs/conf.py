@@ -1,6 +1,7 @@
 """Settings of the documentation: `make docs` builds all of it, `make check` without running gallery and notebooks."""
 
 import hashlib
+import re
 from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Any
@@ -105,10 +106,15 @@ html_theme_options = {
 }
 
 
+_NAMED = r"(?:sin|cos|tan|arctan|sinh|cosh|ln|log|exp|Im|Re|det|max|min)(?![A-Za-z])"
+_DOTTED = re.compile(r'<munderover>\s*(<mi>[^<]*</mi>)(.*?)(<mo stretchy="false">[˙¨]</mo>)\s*</munderover>', re.DOTALL)
+
+
 def _formula(node: nodes.Element, as_block: bool) -> str:
-    # Without a mathematical font, browsers set dots invisibly close to their letter; primes stand clear.
-    tex = node.astext().replace(r"\ddot y", "y''").replace(r"\dot y", "y'")
-    return str(tex2mathml(tex, as_block=as_block))
+    # docutils sets no space around the names of functions, and the index of a dotted letter below it.
+    tex = re.sub(rf"(?<=[\w}})]) *(\\{_NAMED})", r"\\,\1", node.astext())
+    tex = re.sub(rf"(\\{_NAMED}) *(?=[A-Za-z0-9]|\\(?!left|lvert|big|,))", r"\1\\,", tex)
+    return _DOTTED.sub(r'<msub><mover accent="true">\1\3</mover>\2</msub>', str(tex2mathml(tex, as_block=as_block)))
 
 
 def _inline(page: Any, node: nodes.math) -> None:
@@ -120,7 +126,7 @@ def _block(page: Any, node: nodes.math_block) -> None:
     page.body.append(page.starttag(node, "div", CLASS="math"))
     if node["number"]:
         page.body.append(f'<span class="eqno">({get_node_equation_number(page, node)})</span>')
-    page.body.append(f"{_formula(node, as_block=True)}</div>")
+    page.body.append(f'<div class="formula" tabindex="0">{_formula(node, as_block=True)}</div></div>')
     raise nodes.SkipNode
 
 
@@ -131,6 +137,6 @@ def _keep_bars(*event: Any) -> None:
 
 
 def setup(app: Any) -> None:
-    """Write formulas as MathML, which browsers render themselves: no script, no font, no network."""
+    """Write formulas as MathML, which browsers render themselves: no script, no network."""
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
     app.connect("autodoc-process-docstring", _keep_bars)

@@ -1,7 +1,12 @@
-"""Draw the pictures of README and documentation again, with the present engine: `make figures`."""
+"""Draw the pictures of README and documentation again, with the present engine: `make figures`.
 
+What each of the gallery's shows, in `images/structure.json`, is compared by tests with what its script draws.
+"""
+
+import json
 import runpy
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 
@@ -35,12 +40,34 @@ PICTURES = {
 }
 
 
-def draw(script: str, names: list[str]) -> None:
-    """Run a script of the gallery and keep the first figures that it leaves."""
+STRUCTURE = IMAGES / "structure.json"
+
+
+def structure(figure: Any) -> list[dict[str, Any]]:
+    """Return what each axes of a figure show: texts, limits to four digits, and how many artists of each kind."""
+    figure.draw_without_rendering()
+    return [
+        {
+            "title": ax.get_title(),
+            "labels": [ax.get_xlabel(), ax.get_ylabel()],
+            "limits": [float(f"{end:.4g}") for end in (*ax.get_xlim(), *ax.get_ylim())],
+            "legend": [text.get_text() for text in (ax.get_legend().get_texts() if ax.get_legend() else [])],
+            "artists": [len(part) for part in (ax.lines, ax.collections, ax.patches, ax.images, ax.texts)],
+        }
+        for ax in figure.axes
+    ]
+
+
+def draw(script: str, names: list[str]) -> dict[str, Any]:
+    """Run a script of the gallery, keep the first figures that it leaves, and return what they show."""
     plt.close("all")
     runpy.run_path(str(DOCS.parent / "examples" / f"{script}.py"), run_name="__main__")
+    shown = {}
     for number, name in zip(plt.get_fignums(), names, strict=False):
-        vi.plotting.save_figure(plt.figure(number), IMAGES / f"{name}.png", dpi=110, overwrite=True)
+        figure = plt.figure(number)
+        shown[name] = structure(figure)
+        vi.plotting.save_figure(figure, IMAGES / f"{name}.png", dpi=110, overwrite=True)
+    return shown
 
 
 def main() -> None:
@@ -48,9 +75,9 @@ def main() -> None:
     IMAGES.mkdir(exist_ok=True)
     plt.show = lambda: None  # a script shows its figures at the end
     vi.plotting.save_figure(vi.plotting.oscillator_sketch(), IMAGES / "model.png", dpi=110, overwrite=True)
-    for script, names in PICTURES.items():
-        draw(script, names)
-    for script in ("machine_pictures.py", "explorer_picture.py"):
+    shown = {name: parts for script, names in PICTURES.items() for name, parts in draw(script, names).items()}
+    STRUCTURE.write_text(json.dumps(shown, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    for script in ("compared_pictures.py", "machine_pictures.py", "explorer_picture.py"):
         runpy.run_path(str(DOCS / script), run_name="__main__")
 
 

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -57,6 +58,8 @@ def modal_engine(monkeypatch):
     monkeypatch.setattr("vibroimpact.backends.one_mass.is_one_mass", lambda cells: np.zeros(len(cells), bool))
 
 
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+         "--disable-component-update", "--disable-sync"]  # fmt: skip
 CODES = "engine", "engine of systems", "witness"
 
 
@@ -97,6 +100,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def values() -> dict[str, Any]:
     """Return values computed with 50 digits by independent code; numbers are strings."""
     return json.loads((Path(__file__).parent / "data" / "values.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Return a headless Chromium."""
+    playwright_api = pytest.importorskip("playwright.sync_api", reason="no playwright: install the extra [web-test]")
+    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if chromium is None:
+        pytest.skip("no Chromium: install Debian's package chromium")
+    with playwright_api.sync_playwright() as driver:
+        started = driver.chromium.launch(executable_path=chromium, args=FLAGS)
+        yield started
+        started.close()
 
 
 @pytest.fixture

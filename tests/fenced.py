@@ -11,14 +11,28 @@ def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
-def commands(page: Path) -> list[tuple[str, list[str]]]:
-    """Return each command of a page's console blocks with the output shown under it."""
-    found: list[tuple[str, list[str]]] = []
-    for line in "".join(blocks(page, "console")).splitlines():
-        if line.startswith("$ "):
-            found.append((line[2:], []))
-        else:
-            found[-1][1].append(line)
+SHELL = ("console", "sh", "bat", "text", "")
+
+
+def fences(page: Path) -> list[tuple[str, str]]:
+    """Return the language and the body of every block of code and of printed text of a page, directives left out."""
+    text = page.read_text(encoding="utf-8")
+    found = re.findall(r"^```(\S*)[^\n]*\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    return [(language, body) for language, body in found if language == "{code-cell}" or not language.startswith("{")]
+
+
+def commands(page: Path) -> list[tuple[str, list[str] | None]]:
+    """Return each command of a page's blocks with the output shown under it; None where a block shows no output."""
+    found: list[tuple[str, list[str] | None]] = []
+    for body in (body for language, body in fences(page) if language in SHELL):
+        prompt = body.startswith("$ ")
+        for line in body.replace("\\\n", " ").splitlines():
+            if line.startswith("$ "):
+                found.append((line[2:], []))
+            elif prompt:
+                found[-1][1].append(line)  # type: ignore[union-attr]
+            elif line.strip():
+                found.append((line, None))
     return found
 
 

@@ -139,7 +139,7 @@ def test_numbers_in_quotes_are_answered_with_their_quotes():
 
 @pytest.mark.parametrize("refine", [None, 2])
 def test_what_is_no_oscillator_is_refused(refine):
-    with pytest.raises(ValueError, match="`osc` must be an ImpactOscillator .*, got {'mass': 1}; write"):
+    with pytest.raises(ValueError, match="`osc` must be an ImpactOscillator, .*, got {'mass': 1}; for example"):
         vi.parameter_map({"mass": 1}, omega=[1, 2], refine=refine)
 
 
@@ -244,8 +244,8 @@ def test_the_memory_of_this_machine_is_some_gigabytes():
     [
         ({"indices": ("stdd",)}, "unknown index 'stdd'.*did you mean 'std'"),
         ({"indices": ()}, "`indices` must be .*, got"),
-        ({"indices": 3}, "`indices` must be names out of std, .*, got 3"),
-        ({"indices": ("std", "std")}, "each index once"),
+        ({"indices": 3}, "`indices` must be one or more of std, .*, got 3"),
+        ({"indices": ("std", "std")}, "distinct names"),
         ({"sample_impacts": 0}, "`sample_impacts` must be a whole number >= 1, got 0"),
         ({"sample_impacts": 2.5}, "`sample_impacts` must be .*, got 2.5"),
         ({"transient_impacts": -1}, "`transient_impacts` must be a whole number >= 0, got -1"),
@@ -263,7 +263,7 @@ def test_wrong_settings_of_a_map_are_refused(settings, message):
         ({"section": "poincare"}, "unknown `section` 'poincare'; choose from impact, stroboscopic"),
         ({"direction": "left"}, "unknown `direction` 'left'; choose from fresh, up, down"),
         ({"phase": 1.0, "section": "stroboscopic"}, "`phase` must be .* less than 1, got 1.0"),
-        ({"mass": [1.0, 2.0]}, "one axis is needed, such as `omega`, got `omega`, `mass`"),
+        ({"mass": [1.0, 2.0]}, "give exactly one axis, such as `omega`, got `omega`, `mass`"),
         ({"sample_periods": 0}, "`sample_periods` must be .*, got 0"),
     ],
 )

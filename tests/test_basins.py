@@ -451,7 +451,7 @@ def test_a_wrong_request_for_basins_is_refused(axes, message):
         (TWO, vi.State(-1.0), r"`starts` must be a list .*; write starts=\[State"),
         (TWO, 3, "`starts` must be a list .*, got 3"),
         (TWO, [0.3], "`starts` must be a list .*, got 0.3; write State"),
-        (TWO, [vi.State(0.1)], "`starts` lies beyond 'stop' by 0.1 m at time 0; start before"),
+        (TWO, [vi.State(0.1)], "`starts` lies beyond 'stop' by 0.1 m at time 0; start in front of"),
         (THREE, [vi.State(0.1)], "`starts` must have 2 coordinates"),
         (THREE, [vi.State([0.0, 9.0])], "lies beyond 'right'"),
     ],

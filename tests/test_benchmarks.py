@@ -2,8 +2,11 @@
 
 import dataclasses
 import json
+import runpy
 import sys
 
+import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 
 from fenced import ROOT
@@ -17,6 +20,7 @@ from benchmarks.problem import LowRun, known, verdict
 from benchmarks.targets import TARGETS, Target
 from benchmarks.taylor import heyoka
 
+PICTURES = runpy.run_path(str(ROOT / "docs" / "compared_pictures.py"))
 # Starts with an empty cache take a minute and prove nothing here.
 LEAST = dataclasses.replace(QUICK, cells=64, impacts=160, map_points=4, largest_sweep=16, cold_starts=0)
 
@@ -140,3 +144,30 @@ def test_what_is_written_names_the_machine_but_not_its_owner(written, result):
     text = (written / "page.md").read_text() + json.dumps(result)
     assert str(ROOT) not in text
     assert "## Numbers to meet" in text
+
+
+def test_the_picture_of_cost_and_accuracy_shows_what_was_measured():
+    measured = json.loads((ROOT / "benchmarks" / "results" / "latest.json").read_text())
+    (ax,) = PICTURES["cost_and_accuracy"](measured).axes
+    rows = {row["name"]: row for row in measured["contenders"] if row["name"] in PICTURES["DRAWN"]}
+    assert [text.get_text() for text in ax.texts] == list(rows)
+    for line, row in zip(ax.lines, rows.values(), strict=True):
+        assert line.get_xydata().tolist() == [[row["error_first_20"], row["cost"]["chaotic"]["ns"]]]
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    assert all(left < line.get_xdata()[0] < right and low < line.get_ydata()[0] < high for line in ax.lines)
+    ax.figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in ax.texts]
+    assert all(ax.get_window_extent().contains(*corner) for box in boxes for corner in box.corners())
+    assert [box.count_overlaps(boxes) for box in boxes] == [1] * len(boxes)
+    plt.close(ax.figure)
+
+
+def test_the_published_figure_shows_both_schemes_on_the_same_axes():
+    """Where neither chatters nor is chaotic, they agree to the paper's step."""
+    figure = PICTURES["published_figure"](omega=np.linspace(1.5, 2.5, 5), sample_impacts=100)
+    paper, exact = figure.axes
+    assert (paper.get_xlim(), paper.get_ylim()) == (exact.get_xlim(), exact.get_ylim())
+    assert exact.get_xlabel() == r"angular driving frequency $\omega$ [rad/s]"
+    for one, other in zip(paper.lines, exact.lines, strict=True):
+        np.testing.assert_allclose(one.get_xydata(), other.get_xydata(), atol=5e-3)
+    plt.close(figure)

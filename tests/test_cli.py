@@ -14,7 +14,7 @@ from vibroimpact.dataset import model_of
 
 COMMANDS = (
     "simulate", "section", "diagram", "map", "orbit", "continue", "boundary", "basins", "describe", "compare", "plot",
-    "reproduce",
+    "models", "reproduce",
 )  # fmt: skip
 
 
@@ -70,7 +70,7 @@ def test_a_diagram_is_told_by_its_stretches(run):
     assert lines[0] == f"{values}, each {rest}"
     assert "  omega 1.8 to 2.2: 1 impact per cycle" in lines
     _, lines, _ = run("diagram --x omega=1.8:2.2:5 --sample-impacts 200 --direction up")
-    assert lines[0] == f"{values}, going up {rest}, then each from where its neighbour ended"
+    assert lines[0] == f"{values}, going up {rest}, then each next one from the last state"
 
 
 def test_a_map_is_told_by_ranges_shares_and_speed(run):
@@ -105,7 +105,7 @@ def test_a_map_from_several_initial_conditions_counts_the_cells_that_hit_only_fr
     first, others = hits[..., 0].sum(), (hits.any(axis=-1) & ~hits[..., 0]).sum()
     assert others > 0
     line = (
-        f"impacts go on from rest in {first} of 20 cells ({5 * first:.3g} %); in {others} more ({5 * others:.3g} %) "
+        f"impacts persist from rest in {first} of 20 cells ({5 * first:.3g} %); in {others} more ({5 * others:.3g} %) "
         "only from others of the 8 initial conditions"
     )
     assert line in lines
@@ -204,7 +204,7 @@ def test_reproduce_hands_folder_and_choices_on(run, tmp_path, monkeypatch):
 def test_reproduce_leaves_a_folder_alone_that_is_no_study(refused, tmp_path, command):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("precious")
-    assert "`out` is 'mine'" in refused(command)
+    assert "`out` 'mine'" in refused(command)
     assert names(tmp_path / "mine") == ["thesis.txt"]
 
 

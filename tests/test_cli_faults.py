@@ -38,6 +38,21 @@ def child(*arguments: str, **options):
         ("section -p mass=heavy", "`mass` must be .*, got 'heavy'"),
         ("section -p m=-1 -p r=2", "`m` must be .*, got -1.* `r` must be .*, got 2"),
         ("section -p mas=1", "did you mean 'mass'"),
+        ("section -p Mass=1", "did you mean 'mass'"),
+        ("section -p omega=0,95", "`omega` must be .*, got '0,95'; write the decimals after a point: 0.95"),
+        ("section -p gap=-,5mm", "write the decimals after a point: -.5mm"),
+        ("diagram --x omega=0,5:2:3", "write the decimals after a point: 0.5"),
+        ("section omega=2", "did you mean `-p omega=2`?"),
+        ("map omega=1:2:5", "did you mean `--x omega=1:2:5`?"),
+        ("section model.py", "did you mean `--model model.py:NAME`?"),
+        ("section map.zarr", "a saved result is shown by `vibroimpact plot map.zarr`"),
+        ("section --omega 2", "no option '--omega': parameters are given as -p omega=VALUE"),
+        ("section --damping-ratio 2", "parameters are given as -p damping_ratio=VALUE"),
+        ("section --periods 2", "Try `vibroimpact section --help`"),
+        ("section --backend gpu", "unknown `backend` 'gpu'; choose from cpu, cuda.*; did you mean 'cuda'"),
+        ("section --backend cuda:0", "did you mean 'cuda'"),
+        ("section --backend CPU", "did you mean 'cpu'"),
+        ("section --backend CUDA", "did you mean 'cuda'"),
         ("section -p omega=1 -p frequency=1", "`omega`.*`frequency`"),
         ("section -p zeta=0.01 -p c=0.1", "give either `damping` or `damping_ratio`, not both"),
         ("section -p zeta=-0.01", "`zeta` must be a finite number >= 0, got -0.01"),
@@ -67,7 +82,7 @@ def child(*arguments: str, **options):
         ),
         ("map --x omega=1:2:3 --starts 1", "`starts` must be a whole number >= 2, got 1"),
         ("map --x omega=1:2:3 --starts 8 --start -1", "give either `start` or `starts`, not both"),
-        ("map --x omega=1:2:3 --y m=1:2:3 --starts 8 --refine 2", "`refine` goes with a grid from one initial"),
+        ("map --x omega=1:2:3 --y m=1:2:3 --starts 8 --refine 2", "`refine` needs a grid and one initial"),
         ("map --x omega=2:1:5", "`omega` must increase, got 2 to 1"),
         ("map --x omega=a:b:5", "`omega.from` must be .*, got 'a'.*`omega.to` must be .*, got 'b'"),
         ("map --x omgea=1:2:3", "did you mean 'omega'"),
@@ -100,8 +115,8 @@ def child(*arguments: str, **options):
             "the axes must stay before all .* 'stop' by 0.25 m",
         ),
         ("basins --x phase=0:1:4 --y displacement=0:1:5", "the axes must be .*, got `phase`, `displacement`"),
-        ("map --x omega=1:2:3 --y m=1:2:3 --refine 1 --tile 9", "`tile` goes with `cluster` only"),
-        ("map --x omega=1:2:3 --tile 9", r"`tile` goes with a `store` \(--out run.zarr\) or a `cluster`, got 9"),
+        ("map --x omega=1:2:3 --y m=1:2:3 --refine 1 --tile 9", "`tile` needs a `cluster`"),
+        ("map --x omega=1:2:3 --tile 9", r"`tile` needs a `store` \(--out run.zarr\) or a `cluster`, got 9"),
         ("basins --x phase=0:1:1", "`phase.points` must be .*, got 1"),
         ("basins --x phase=0:nan:4", "`phase.to` must be .*, got nan"),
         ("basins --x phase=0:1:4 --phase 0.2", "`--phase` goes with an axis of displacement"),
@@ -130,7 +145,7 @@ def test_a_wrong_request_exits_2_with_one_line_and_touches_nothing(refused, comm
     [
         (
             "map --x w=1:2:9000 --y m=1:2:9000 --out map.nc",
-            "81,000,000 cells, which take 20.2 GB .* --out run.zarr, or ta",
+            "81,000,000 cells, which take 20.2 GB .* --out run.zarr, or us",
         ),
         ("map --x w=1:2:9000 --y m=1:2:9000", "81,000,000 cells"),
         ("map --x w=1:2:9000 --y m=1:2:9000 --tile 10000000 --out map.zarr", "`tile` is .* which take 2.* GB"),
@@ -192,7 +207,7 @@ def test_a_stored_map_whose_axis_is_damaged_is_not_gone_on_with(run, refused, tm
     assert run(small)[0] == 0
     (tmp_path / "map.zarr/omega/c/0").unlink()
     for command in (small, "info map.zarr"):
-        assert "omega/c/0' is missing or damaged); restore that file or delete the store" in refused(command)
+        assert "omega/c/0' is missing or damaged); restore that file, delete the store" in refused(command)
 
 
 # Failures and interruptions

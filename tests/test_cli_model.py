@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import pytest
 
 import vibroimpact as vi
+from fenced import ROOT
 
 TUBE = """
 import math
@@ -79,7 +81,14 @@ def test_a_study_file_may_name_the_model(run, tmp_path):
         ("--model tube.py:shaker -p rpm=fast", "`rpm` must be a finite number, got 'fast'"),
         ("--model tube.py:none", "unknown model 'none'; choose from shaker, heavy"),
         ("--model tube.py:plain", "unknown model 'plain'; choose from shaker, heavy"),
-        ("--model tube.py", "`model` must be FILE.py:NAME such as tube.py:shaker, got 'tube.py'"),
+        ("--model tube.py", "`model` must name a model of tube.py: tube.py:shaker or tube.py:heavy"),
+        ("--model tube.py:", "`model` must name a model of tube.py: tube.py:shaker or tube.py:heavy"),
+        ("--model tube:shaker", "`model` must be FILE.py:NAME, as in tube.py:shaker, or a ready-made model, as in"),
+        ("--model Impact_Damper", "did you mean 'impact_damper'?"),
+        ("--model two-sided-oscillator", "did you mean 'two_sided_oscillator'?"),
+        ("--model BouncingBall", "did you mean 'bouncing_ball'?"),
+        ("--model nothing", "or give FILE.py:NAME for a model of your own"),
+        ("--model bouncing_ball -p Restitution=0.5", "did you mean 'restitution'?"),
         ("--model none.py:shaker", "there is no file 'none.py'"),
         ("--model broken.py:shaker", "`model` 'broken.py:shaker' cannot be loaded; ZeroDivisionError"),
         ("--model lacking.py:shaker", "`model` 'lacking.py:shaker' cannot be loaded; ModuleNotFoundError: No module"),
@@ -99,3 +108,41 @@ def test_a_model_whose_function_cannot_import_what_it_needs_is_named(refused, tm
         "vibroimpact: `model` 'late.py:late' cannot be used; "
         "late fails at omega=2: No module named 'no_such_module' (late.py, line 4)"
     )
+
+
+# Ready-made machines
+
+
+def test_the_ready_made_machines_are_listed_in_a_line_each(run):
+    code, lines, complaints = run("models")
+    assert (code, complaints) == (0, [])
+    assert [line.split()[0] for line in lines] == vi.models.__all__
+    assert all(len(line) < 140 for line in lines)
+    assert list(json.loads("\n".join(run("models --json")[1]))) == vi.models.__all__
+
+
+@pytest.mark.parametrize("name", vi.models.__all__)
+def test_the_parameters_of_a_machine_are_a_table_and_its_page_is_there(run, name):
+    code, lines, _ = run(f"models {name}")
+    assert code == 0
+    machine = json.loads("\n".join(run(f"models {name} --json")[1]))
+    family = vi.family(getattr(vi.models, name))
+    assert [entry["name"] for entry in machine["parameters"]] == list(family.parameters)
+    head = next(line for line in lines if line.startswith("parameter"))
+    column = head.index("unit")
+    for entry in machine["parameters"]:
+        row = next(line for line in lines if line.split()[:1] == [entry["name"]])
+        assert row[column:].startswith("" if entry["unit"] == "1" else entry["unit"])
+    page, _, anchor = machine["page"].partition("#")
+    assert f"\n({anchor})=\n" in (ROOT / page).read_text()
+    assert (ROOT / machine["picture"]).is_file()
+
+
+def test_a_machine_that_does_not_exist_is_refused_with_the_one_meant(refused):
+    assert "did you mean 'impact_damper'?" in refused("models Impact-Damper")
+
+
+def test_the_sides_of_a_machine_may_differ(run):
+    one, other = (run(f"section --model impact_pair -p {side}_restitution=0.3")[1][0] for side in ("left", "right"))
+    assert one != run("section --model impact_pair")[1][0]
+    assert other

@@ -61,7 +61,8 @@ def test_no_orbit_of_that_name_is_an_answer_and_no_fault(run, tmp_path):
 def test_solutions_that_are_no_motion_of_the_mass_say_why(run):
     _, lines, _ = run("orbit -p omega=3 --periods 2")
     assert lines[0].startswith("no admissible period-2 impact-1 orbit")
-    assert "inadmissible: after impact 1 the mass first hits the stop" in lines[2]
+    assert ", inadmissible, " in lines[1]
+    assert "after impact 1 the mass first hits the stop" in lines[2]
 
 
 def test_orbits_as_json_hold_every_digit(run, tmp_path):
@@ -222,15 +223,39 @@ def test_axes_of_starts_left_out_span_the_impact_surface(run, monkeypatch, tmp_p
 
 
 def test_a_verdict_is_told_in_words_and_as_json(run):
-    code, lines, _ = run("describe -p omega=1.4 --vary w")
+    code, lines, _ = run("describe -p omega=1.4 --vary w --full")
     assert code == 0
     assert any(line.startswith("motion      from rest period-1 impact-1") for line in lines)
     assert any("1.25896 rad/s (0.20037 Hz) (period" in line for line in lines)
+    assert lines == str(vi.describe(vi.ImpactOscillator(omega=1.4), parameters=["omega"])).splitlines()
     _, lines, _ = run("describe -p omega=1.4 --vary omega --json")
     assert json.loads("\n".join(lines))["motion"]["name"] == "period-1 impact-1"
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(
+    ("options", "lines"),
+    [
+        (
+            "-p omega=2.6",
+            ["motion .*", r"hardest .*, from 67 % of the initial .*: period-3 impact-3", "advice .*softer"],
+        ),
+        ("-p gap=3", ["motion .* no impact", "advice .*no impacts from rest or from any of"]),
+        (
+            "-p omega=2.8",
+            ["motion .* chaotic", "hardest .* of those sampled, from 100 %", "advice .*no longer chaotic"],
+        ),
+        ("--model two_sided_oscillator", ["motion .*", "hardest .* m/s on left, from 100 %", "advice .*"]),
+    ],
+)
+def test_a_verdict_is_short_unless_all_of_it_is_asked_for(run, options, lines):
+    vary = "frequency" if "model" in options else "omega"
+    code, printed, complaints = run(f"describe {options} --vary {vary}")
+    assert (code, len(printed) <= 5) == (0, True)
+    assert re.search(".*".join(lines), " ".join(" ".join(printed).split()))
+    assert complaints[-1].startswith("--full shows")
+
+
 def test_two_designs_are_set_side_by_side_and_drawn(run, tmp_path):
     (tmp_path / "slow.toml").write_text("[oscillator]\nomega = 1.4\n")
     (tmp_path / "fast.toml").write_text("[oscillator]\nomega = 2.0\n")

@@ -1,14 +1,21 @@
 """Values with units on the command line and in study files, and what follows from other options."""
 
 import json
+import re
+import shlex
+import sys
+import tomllib
 
 import numpy as np
 import pytest
 
 import vibroimpact as vi
+from fenced import ROOT
 from processes import python
+from vibroimpact.cli import units
 from vibroimpact.cli.study import make_study
-from vibroimpact.cli.units import without_unit
+from vibroimpact.model.units import without_unit
+from vibroimpact.parameters import to_install
 
 OF = vi.ImpactOscillator.parameters
 
@@ -33,6 +40,15 @@ def test_a_value_may_have_a_unit(name, text, value):
     assert without_unit(OF[name], text) == pytest.approx(value, rel=1e-15)
     model = make_study({"oscillator": {name: text}}).model
     assert getattr(model, name) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("unit", "text", "value"),
+    [("1/min", "25 Hz", 1500.0), ("1/min", "1500rpm", 1500.0), ("rpm", "25Hz", 1500.0), ("1/s", "1500 rpm", 25.0),
+     ("N/m2", "200GPa", 200e9), ("m/s2", "2 m/s2", 2.0), ("mm", "0.5e-3m", 0.5)],
+)  # fmt: skip
+def test_a_family_counts_turns_and_powers_as_machines_do(unit, text, value):
+    assert without_unit(vi.parameters.Parameter("rate", "rate", unit), text) == pytest.approx(value, rel=1e-15)
 
 
 @pytest.mark.parametrize("plain", ["2", "1e-3", "-.5", "abc", "", "nan", 0.5, None])
@@ -115,3 +131,24 @@ def test_numbers_of_the_paper_beside_ones_in_si_are_warned_of(run, command, name
     assert complaints[1:] == (
         [f"vibroimpact: numbers of the paper stand beside your own: {names}; give them too"] if names else []
     )
+
+
+def test_without_pint_a_unit_is_refused_with_what_installs_it(refused, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pint", None)
+    units._registry.cache_clear()
+    assert "values with units need pint, which is missing; `pip install pint` installs it" in refused(
+        "section -p gap=0.5mm"
+    )
+
+
+@pytest.mark.parametrize("extra", ["web", "cluster", "cuda", "units"])
+def test_what_installs_an_extra_is_named_by_its_packages_for_this_one_is_on_no_index(extra):
+    command = to_install(extra)
+    assert command.startswith("`pip install ")
+    named = {re.split(r"[\[<>=]", word)[0] for word in shlex.split(command.strip("`"))[2:]}
+    listed = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"][extra]
+    assert named == {re.split(r"[\[<>=]", entry)[0] for entry in listed}
+
+
+def test_a_percentage_is_no_sign_of_si_units(run):
+    assert len(run("section -p restitution=80% --sample-impacts 50")[2]) == 1

@@ -41,7 +41,7 @@ def test_the_summary_says_what_contacts_came_to(motion):
     force, seconds, depth = (motion[name].values[buffered] for name in ("peak_force", "contact_time", "penetration"))
     (line,) = (line for line in sentences_of(motion) if line.startswith("  buffer"))
     words = f"force up to {np.nanmax(force):.4g} N, contacts of up to {np.nanmax(seconds):.4g} s"
-    assert line.endswith(f"{words}, pushed in by up to {np.nanmax(depth):.4g} m")
+    assert line.endswith(f"{words}, penetration up to {np.nanmax(depth):.4g} m")
     (line,) = (line for line in sentences_of(motion) if line.startswith("  wall"))
     assert "force" not in line
 
@@ -168,7 +168,7 @@ def test_a_simulation_goes_to_every_file_and_is_drawn_from_it(run, tmp_path, mot
     [
         (f"simulate {OWN} --periods 6", "  buffer: 6 impacts, up to"),
         (f"section {OWN} --sample-impacts 60", "force up to .* N, contacts of up to 0.* s"),
-        (f"section {OWN} -p buffer_stiffness=80 -p buffer_damping=0 --sample-impacts 60", "pushed in by up to"),
+        (f"section {OWN} -p buffer_stiffness=80 -p buffer_damping=0 --sample-impacts 60", "penetration up to"),
         (f"diagram {OWN} --x buffer_stiffness=40:60:3 --sample-impacts 20", "stiffness of buffer 40 to 60 N/m"),
     ],
 )

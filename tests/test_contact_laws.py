@@ -139,8 +139,8 @@ def test_a_function_is_known_by_its_code_and_the_values_that_it_uses():
     [
         (lambda: hunt_crossley(damping=-1.0), "`damping` must be a finite number >= 0, got -1"),
         (lambda: kelvin_voigt(damping_ratio=math.nan), "`damping_ratio` must be a finite number >= 0, got nan"),
-        (lambda: piecewise([0.1], [0.5]), "as many, at least two"),
-        (lambda: piecewise([0.1, 0.2], [0.5]), "as many, at least two, got 2 and 1"),
+        (lambda: piecewise([0.1], [0.5]), "equally long, at least 2"),
+        (lambda: piecewise([0.1, 0.2], [0.5]), "equally long, at least 2, got 2 and 1"),
         (lambda: piecewise([0.2, 0.1], [0.5, 0.4]), "`speeds` must be ascending numbers >= 0"),
         (lambda: piecewise([0.1, 0.2], [0.5, 1.4]), "`values` must be numbers from 0 to 1"),
         (lambda: vi.Stop(direction=1, gap=0, restitution=lambda v: 1.0 + v), r"got 1\.\d* at a speed of"),

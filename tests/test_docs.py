@@ -92,7 +92,8 @@ def test_known_cases_are_met_as_closely_as_their_page_says():
 
 def test_speeds_that_pages_state_are_those_of_the_last_benchmark():
     run = json.loads((ROOT / "benchmarks" / "results" / "latest.json").read_text())
-    chaotic = {each["name"]: each["cost"]["chaotic"] for each in run["contenders"] if each["cost"]}
+    rows = {each["name"]: each for each in run["contenders"] if each["cost"]}
+    chaotic = {name: row["cost"]["chaotic"] for name, row in rows.items()}
     targets = {each["what"]: each["measured"] for each in run["targets"]}
     readme, compared = (
         " ".join(page.read_text().split()) for page in (ROOT / "README.md", DOCS / "about" / "comparison.md")
@@ -111,13 +112,10 @@ def test_speeds_that_pages_state_are_those_of_the_last_benchmark():
         targets[f"heyoka / ours, {what}"] for what in ("two masses and two stops", "one mass and a one-sided spring")
     ]
     assert [ratio for ratio in ratios if some(ratio) not in compared] == []
-
-
-def test_the_description_in_the_readme_is_what_describe_prints():
-    shown = (ROOT / "README.md").read_text().partition("$ vibroimpact describe -p omega=2.6\n")[2].partition("```")[0]
-    lines = str(vi.describe(vi.ImpactOscillator(omega=2.6))).splitlines()
-    assert shown
-    assert set(shown.splitlines()) <= set(lines)
+    ours, heyoka, scipy = (rows[name] for name in ("ours, one core", "heyoka, one orbit", "SciPy DOP853, one orbit"))
+    assert f"off by {scipy['error_first_20']:.1e} m/s, here by {ours['error_first_20']:.1e}" in compared
+    assert f"passes {heyoka['passes_the_stop_by']:.3g} m beyond the stop" in compared
+    assert f"stalls after {scipy['impacts_in_3_periods']} impacts" in compared
 
 
 @pytest.mark.parametrize("name", MODULES)
@@ -136,8 +134,8 @@ def test_every_public_function_has_an_example():
     assert [name for name in without if ">>> " not in (getattr(vi, name).__doc__ or "")] == []
 
 
-def test_the_statuses_of_the_model_page_are_those_of_the_code():
-    rows = table(DOCS / "theory" / "equations.md", "| code | `status`")
+def test_the_statuses_of_the_glossary_are_those_of_the_code():
+    rows = table(DOCS / "reference" / "glossary.md", "| code | `status`")
     assert rows == [[str(s.value), s.word, s.sentence.replace("`", "")] for s in vi.Status]
     assert [s.has_indices for s in vi.Status] == [True] * 4 + [False] * 7  # "the first four"
 
@@ -145,6 +143,16 @@ def test_the_statuses_of_the_model_page_are_those_of_the_code():
 def test_the_glossary_has_the_words_symbols_and_units_of_results():
     rows = table(DOCS / "reference" / "glossary.md", "| word | symbol")
     assert rows == [[name, symbol, words, unit] for name, (words, unit, symbol) in VARIABLES.items()]
+
+
+def test_the_page_on_gpus_states_what_was_measured():
+    run = json.loads((ROOT / "benchmarks" / "results" / "gpu.json").read_text())
+    page = (DOCS / "about" / "gpu.md").read_text()
+    assert f"On an {run['gpu']}, on {run['date']}, for one map of {run['every_impact']['cells']:,} cells" in page
+    rows = table(DOCS / "about" / "gpu.md", "| map | time")
+    for row, way in zip(rows, ("every_impact", "early_closing"), strict=True):
+        rates = [f"{run[way][f'impacts_{kind}_per_s']:.2e}".replace("+0", "") for kind in ("answered", "computed")]
+        assert row[1:] == [f"{run[way]['median_s']:.3f} s", *rates]
 
 
 def test_the_command_line_page_lists_every_command():

@@ -209,7 +209,7 @@ def test_symbols_that_an_address_needs_for_itself_are_no_keys():
     def odd(x=1.0, start=2.0, gap=0.1):
         return vi.ImpactOscillator(omega=x, amplitude=start, gap=gap)
 
-    assert list(keys(odd)) == ["x_", "start_", "gap"]
+    assert list(keys(table(odd))) == ["x_", "start_", "gap"]
 
 
 def test_a_notebook_has_the_page_below_its_cell_and_no_other_site_has():

@@ -2,7 +2,6 @@
 
 import contextlib
 import re
-import shutil
 import subprocess
 import sys
 from urllib.parse import urlsplit
@@ -12,22 +11,18 @@ import pytest
 playwright_api = pytest.importorskip("playwright.sync_api", reason="no playwright: install the extra [web-test]")
 pytest.importorskip("tornado", reason="needs the extra [web]")
 PATIENCE = 300_000  # ms: tells a page that hangs, not a loaded machine that compiles its kernels meanwhile
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-         "--disable-component-update", "--disable-sync"]  # fmt: skip
 # Without the limits of time: what a page shows in the end must not depend on how busy this machine is.
 SERVE = (
     "from vibroimpact.explorer import explore, session, work; "
     "work.PLANE_SECONDS = session.LINE_SECONDS = session.SEARCH_SECONDS = float('inf'); "
-    "explore({store!r}, port={port}, browser=False)"
+    "explore({store!r}, port={port}, browser=False, {more})"
 )
 QUICK = "m=1&c=0.01&k=1&f=1&w=2&r=0.8&g=0&x=w,1.8,2.2&y=m,0.9,1.1&index=std&n=200"
 
 
 @contextlib.contextmanager
-def serving(store=None, port=0, before=""):
-    code = before + SERVE.format(store=store, port=port)
+def serving(store=None, port=0, before="", more=""):
+    code = before + SERVE.format(store=store, port=port, more=more)
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     try:
         line = process.stdout.readline()
@@ -41,16 +36,6 @@ def serving(store=None, port=0, before=""):
 def address():
     with serving() as found:
         yield found
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if CHROMIUM is None:
-        pytest.skip("no Chromium: install Debian's package chromium")
-    with playwright_api.sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield started
-        started.close()
 
 
 @contextlib.contextmanager
@@ -412,9 +397,10 @@ LABELS = """() => {
 def test_no_label_of_a_plot_covers_another_or_leaves_it(tab, query):
     load(tab, query)
     plots = tab.evaluate(LABELS)
-    tab.set_viewport_size({"width": 1100, "height": 640})
-    plots += tab.evaluate(LABELS)
-    assert len(plots) == 12
+    for width, height in ((1100, 640), (390, 844)):
+        tab.set_viewport_size({"width": width, "height": height})
+        plots += tab.evaluate(LABELS)
+    assert len(plots) == 18
     for texts, width, height in plots:
         for at, (text, left, right, top, bottom) in enumerate(texts):
             assert left >= -1 and right <= width + 1 and top >= -1 and bottom <= height + 1, text  # noqa: PT018
@@ -658,6 +644,180 @@ def test_a_plot_takes_arrows_and_the_plane_moves_its_point_by_them(tab):
     until(tab, "Math.abs(new URLSearchParams(location.search).get('w') - 2.00625) < 1e-4")
 
 
+# A machine in the units of its drawing: Hz, rpm, mm, N/m2.
+ROTOR = """
+import math, vibroimpact as vi
+@vi.family(units={"frequency_Hz": "Hz", "clearance_mm": "mm", "fan": "rpm", "youngs_modulus": "N/m2"})
+def rotor(frequency_Hz=25.0, clearance_mm=0.5, fan=1500.0, youngs_modulus=200e9, restitution=0.7):
+    return vi.ImpactOscillator(mass=2.1, damping=4.75, stiffness=1.343e-7 * youngs_modulus, restitution=restitution,
+        amplitude=5.0 * (fan / 1500.0) ** 2, omega=2.0 * math.pi * frequency_Hz, gap=clearance_mm / 1e3)
+"""
+COMPARED = {
+    "mass": f"{SI}&pin=2.1,4.75,26860,5,120,0.7,0.0008&pin=2.1,4.75,26860,5,180,0.6,0.0003",
+    "system": "model=two_sided_oscillator&n=200",
+    "family": "model=rotor&n=200&pin=22,0.4,1400,200000000000,0.7&pin=27,0.8,1600,150000000000,0.6",
+}
+
+
+@pytest.fixture(scope="module")
+def rotor():
+    with serving(before=ROTOR, more="model=rotor, name='rotor'") as found:
+        yield found
+
+
+# Labels, cells and controls whose text is wider than they are; what is chosen in a menu is measured as it is drawn.
+CUT = """() => [...document.querySelectorAll("body *")].filter((one) => {
+  if (!one.checkVisibility() || one.matches("script, style, canvas, option, input[type=range]")) return false;
+  if (!one.matches("select")) return one.clientWidth > 0 && one.scrollWidth > one.clientWidth;
+  const pen = document.createElement("canvas").getContext("2d"), { font } = getComputedStyle(one);
+  pen.font = font;
+  return pen.measureText(one.selectedOptions[0].text).width > one.clientWidth - 26;  // its arrow
+}).map((one) => `${one.tagName} ${one.id} ${one.value ?? one.textContent}`.slice(0, 80))"""
+SMALL_TARGETS = """() => [...document.querySelectorAll("button, select, summary, input")]
+  .filter((one) => one.checkVisibility()).map((one) => one.matches("[type=checkbox]") ? one.closest("label") : one)
+  .filter((one) => { const { width, height } = one.getBoundingClientRect(); return width < 24 || height < 24; })
+  .map((one) => one.outerHTML.slice(0, 80))"""
+
+
+@pytest.mark.long(but=1)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("shown", COMPARED)
+def test_two_pins_are_compared_and_no_text_is_cut_at_any_width(browser, rotor, shown, scheme):
+    with open_model(browser, rotor) as page:
+        page.emulate_media(color_scheme=scheme)
+        load(page, COMPARED[shown], side=16)
+        if shown == "system":
+            for right in (0.2, 0.7):
+                click(page, right, 0.3)
+                page.keyboard.press("p")
+        until(page, "document.querySelectorAll('#numbers tr:first-child td').length === 6")  # here, A, B, twice
+        until(page, "document.getElementById('others').textContent !== ''")
+        for width in (390, 768, 1024, 1366, 1600, 1920):
+            page.set_viewport_size({"width": width, "height": 844 if width < 1366 else 768})
+            assert page.evaluate("document.documentElement.scrollWidth") == width
+            assert page.evaluate(CUT) == []
+            assert page.evaluate(SMALL_TARGETS) == []
+        named = page.locator("#numbers th").all_inner_texts()
+        drawn_words = page.evaluate("""() => {
+          const { fillText } = CanvasRenderingContext2D.prototype, words = [];
+          CanvasRenderingContext2D.prototype.fillText = function (text, ...place) {
+            words.push(text); fillText.call(this, text, ...place); };
+          Picture.draw();
+          CanvasRenderingContext2D.prototype.fillText = fillText;
+          return words; }""")
+        assert {word for name in named for word in name.split()} <= set(drawn_words)
+        assert [one for one in page.evaluate(CONTRASTS) if one[1] < 4.5 or one[2] < 1.0] == []
+
+
+def test_a_family_is_shown_in_its_own_units_from_the_axes_to_the_link(browser, rotor):
+    with open_model(browser, rotor) as page:
+        load(page, "model=rotor&n=200")
+        labels = page.locator("#parameters label").all_inner_texts()
+        assert labels == ["frequency [Hz]", "clearance [mm]", "fan [rpm]", "youngs modulus [N/m²]", "restitution"]
+        assert page.locator("#menu_x option").all_inner_texts()[:2] == ["frequency", "clearance"]
+        assert page.evaluate("[Plane.plot.x, Plane.plot.y, Motion.below.x]") == [labels[0], labels[1], labels[0]]
+        assert page.locator("#parameters label").nth(3).get_attribute("data-also") == "200 GPa"
+        assert page.input_value("#number_youngs_modulus") == "200000000000"
+        for name, typed, value in (
+            ("clearance_mm", "0.0004 m", 0.4),
+            ("fan", "20Hz", 1200),
+            ("youngs_modulus", "190GPa", 19e10),
+        ):
+            page.fill(f"#number_{name}", typed)
+            page.press(f"#number_{name}", "Enter")
+            until(page, f"Number(new URLSearchParams(location.search).get('{name}')) === {value}")
+        box = page.locator("#plane-canvas").bounding_box()
+        page.mouse.move(box["x"] + 200, box["y"] + 100)
+        page.locator("#tip").wait_for(state="visible")
+        assert re.match(r"frequency \S+ Hz\nclearance \S+ mm\n", page.inner_text("#tip"))
+        assert not page.get_by_label("driving frequency in Hz").is_visible()  # it is
+
+
+def test_a_typed_number_may_have_a_unit_and_a_message_leaves_when_the_value_is_right(tab):
+    load(tab, SI)
+    for typed, search in (("0.4mm", "g=0.0004&"), ("-2e-1 mm", "g=-0.0002&"), ("−0.0001", "g=-0.0001&")):
+        tab.fill("#number_gap", typed)
+        tab.press("#number_gap", "Enter")
+        until(tab, f"location.search.includes('{search}')")
+    assert tab.input_value("#number_gap") == "−0.0001"
+    tab.fill("#number_gap", "3kg")
+    tab.press("#number_gap", "Enter")
+    until(tab, "document.getElementById('message').textContent.includes('a unit that can be turned into m')")
+    tab.fill("#number_gap", "0.5mm")
+    tab.press("#number_gap", "Enter")
+    tab.locator("#message").wait_for(state="hidden")
+
+
+def test_a_third_pin_says_what_it_replaces(tab):
+    load(tab)
+    for right in (0.2, 0.5, 0.8):
+        assert not tab.locator("#message").is_visible()
+        click(tab, right, 0.3)
+        tab.keyboard.press("p")
+    until(tab, "document.getElementById('message').textContent.startsWith('Two points are compared: pin A (ω = ')")
+
+
+def test_the_text_at_the_pointer_covers_neither_pointer_nor_point_nor_pins(browser, rotor):
+    with open_model(browser, rotor) as page:
+        for width in (390, 1366):
+            page.set_viewport_size({"width": width, "height": 768})
+            load(page, COMPARED["family"])
+            places = page.evaluate("""() => {
+              const { plot } = Plane, tip = document.getElementById("tip"), found = [];
+              const marked = [[25, 0.5], [22, 0.4], [27, 0.8]].map(([x, y]) => [plot.px(x), plot.py(y)]);
+              for (let a = 0.02; a < 1; a += 0.08) for (let b = 0.02; b < 1; b += 0.08) {
+                const at = { offsetX: plot.left + a * plot.width, offsetY: plot.top + b * plot.height };
+                plot.describe(at);
+                const { left, top } = plot.canvas.getBoundingClientRect(), box = tip.getBoundingClientRect();
+                found.push([[box.left - left, box.right - left, box.top - top, box.bottom - top],
+                            [[at.offsetX, at.offsetY], ...marked],
+                            [plot.left, plot.left + plot.width, plot.top, plot.top + plot.height]]);
+              }
+              return found; }""")
+            for (left, right, top, bottom), kept, frame in places:
+                assert left >= frame[0] - 1 and right <= frame[1] + 1 and top >= frame[2] - 1 and bottom <= frame[3] + 1  # noqa: PT018
+                for x, y in kept if width > 390 else kept[:1]:
+                    assert not (left - 5 < x < right + 5 and top - 5 < y < bottom + 5)
+
+
+def test_on_a_phone_the_plane_and_its_sliders_are_on_one_screen(tab):
+    tab.set_viewport_size({"width": 390, "height": 844})
+    load(tab, SI)
+    plane, sliders = (tab.locator(name).bounding_box() for name in ("#plane-plot", "#parameters"))
+    assert plane["y"] + plane["height"] < sliders["y"]
+    assert sliders["y"] + sliders["height"] - plane["y"] <= 844
+
+
+def test_a_number_has_one_minus_sign_everywhere(tab):
+    load(tab, QUICK.replace("g=0", "g=-0.2") + "&pin=1,0.01,1,1,2,0.8,-0.1&pin=1,0.01,1,1,1.9,0.8,-0.1")
+    until(tab, "document.getElementById('numbers').innerText.includes('B')")
+    tab.fill("#number_mass", "-1")
+    tab.press("#number_mass", "Enter")
+    until(tab, "document.getElementById('message').textContent.includes('got −1')")
+    until(tab, "document.getElementById('number_mass').value === '1'")
+    fields = "[...document.querySelectorAll('#parameters input[type=text]')].map((one) => one.value)"
+    texts = [
+        tab.inner_text("body"),
+        *tab.evaluate(fields),
+        *(text for texts, _, _ in tab.evaluate(LABELS) for text, *_ in texts),
+    ]
+    assert [text for text in texts if re.search(r"(?<![\w])-(?=[.\d])", text)] == []
+    assert "−0.2" in texts
+
+
+def test_the_driving_frequency_is_shown_in_hertz_where_that_is_ticked(tab):
+    load(tab, SI)
+    tab.get_by_label("driving frequency in Hz").check()
+    until(tab, "location.search.includes('x=frequency,9.54')")
+    assert tab.evaluate("Plane.plot.x") == "driving frequency ω/2π [Hz]"
+    assert tab.input_value("#number_frequency") == "24.98732606542757"
+    tab.fill("#number_frequency", "1500rpm")
+    tab.press("#number_frequency", "Enter")
+    until(tab, "location.search.includes('frequency=25&')")
+    tab.get_by_label("driving frequency in Hz").uncheck()
+    until(tab, "location.search.includes('w=157.07963267948966&') && location.search.includes('x=w,60,220&')")
+
+
 def test_plots_follow_the_system_from_light_to_dark_at_once(tab):
     load(tab)
     picture = "document.getElementById('portrait').toDataURL()"
@@ -675,7 +835,7 @@ def test_the_page_fits_the_width_of_a_phone_a_tablet_and_a_screen(tab, width):
     tab.set_viewport_size({"width": width, "height": 844})
     load(tab, SI)
     assert tab.evaluate("document.documentElement.scrollWidth") == width
-    boxes = [tab.locator(f"#{name}").bounding_box() for name in ("plane", "point", "controls")]
+    boxes = [tab.locator(f"#{name}").bounding_box() for name in ("plane", "point", "parameters")]
     columns = len({box["x"] for box in boxes})
     assert columns == {390: 1, 768: 1, 1024: 2, 1600: 3}[width]
     for canvas in tab.locator("main canvas").all():

@@ -79,9 +79,21 @@ def test_every_preset_is_told_by_its_address():
 def test_a_view_with_everything_in_it_is_told_by_its_address():
     view = View(**EVERYTHING)
     usual = {field.name for field in fields(View) if getattr(view, field.name) == getattr(View(), field.name)}
-    assert usual == set(OF_SYSTEMS)
+    assert usual == {*OF_SYSTEMS, "hertz"}
     assert from_query(to_query(view)) == view
     assert from_query("?" + to_query(view)) == view
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(1.9, 2.1), st.floats(1.9, 2.1))
+def test_a_view_in_hertz_is_the_same_motion_and_is_restored_from_its_address(omega, pinned):
+    view = View(osc=vi.ImpactOscillator(omega=omega), pins=(vi.ImpactOscillator(omega=pinned),), hertz=True)
+    assert (view.x, view.osc.omega) == ("frequency", omega)
+    assert view.osc.replace(frequency=view.values["frequency"]).omega == pytest.approx(omega, rel=3e-16)
+    assert from_query(to_query(view)).values == view.values
+    assert from_query("hz=1").x == from_query("hz=1&model=two_sided_oscillator").x == "frequency"
+    back = replace(view, hertz=False)
+    assert (back.x, back.x_range, back.osc) == ("omega", View.x_range, view.osc)
 
 
 @settings(max_examples=150, deadline=None)
@@ -95,7 +107,7 @@ def test_every_view_is_restored_from_its_address(view):
     assert from_query(sent) == view
 
 
-@pytest.mark.parametrize("name", [field.name for field in fields(View) if field.name not in OF_SYSTEMS])
+@pytest.mark.parametrize("name", [field.name for field in fields(View) if field.name not in (*OF_SYSTEMS, "hertz")])
 def test_each_part_of_a_view_has_its_place_in_the_address(name):
     whole, usual = View(**EVERYTHING), View()
     changes = {

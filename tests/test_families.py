@@ -135,7 +135,7 @@ def mixed(x=1.0):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: vi.family(lambda rpm: OSC), "`rpm` of .* needs a number for a default"),
+        (lambda: vi.family(lambda rpm: OSC), "`rpm` of .* needs a number as its default"),
         (lambda: vi.family(lambda *numbers: OSC), "`numbers` of .* needs a number"),
         (lambda: vi.family(lambda rpm="fast": OSC), "`rpm` must be a finite number, got 'fast'"),
         (lambda: vi.family(lambda rpm=1.0: 3).at(), "must be a model, got 3"),
@@ -143,14 +143,14 @@ def mixed(x=1.0):
         (lambda: shaker.replace(rmp=1.0), "unknown parameter 'rmp'; .*did you mean 'rpm'"),
         (lambda: shaker.at(rpm=-5.0), r"shaker fails at unbalance=0.002, rpm=-5, clearance_mm=0.5: `omega` must be"),
         (lambda: vi.parameter_map(shaker, omega=[1.0]), "unknown parameter 'omega'; choose from unbalance, rpm"),
-        (lambda: vi.parameter_map(OSC, points={"omega": [1.0], "gap": [0.0, 1.0]}), "columns of one length"),
+        (lambda: vi.parameter_map(OSC, points={"omega": [1.0], "gap": [0.0, 1.0]}), "columns of equal length"),
         (
             lambda: vi.parameter_map(OSC, points={"omega": [1.0]}, gap=[0.0]),
             "either `points` or .* gap, not both",
         ),
         (lambda: vi.parameter_map(OSC, points=3), "`points` must be a mapping or DataFrame"),
-        (lambda: vi.parameter_map(mixed, x=[1.0, 3.0]), "must be oscillators, or all systems"),
-        (lambda: vi.parameter_map(mixed, points={"x": [3.0, 1.0]}), "must be oscillators, or all systems"),
+        (lambda: vi.parameter_map(mixed, x=[1.0, 3.0]), "either oscillators or systems"),
+        (lambda: vi.parameter_map(mixed, points={"x": [3.0, 1.0]}), "either oscillators or systems"),
         (lambda: vi.parameter_map(OSC, omega=[1.0], start=[]), "`start` must be .* at least one"),
         (lambda: vi.parameter_map(OSC, omega=[1.0], start=[None, 3]), "`start` must be None or a State, got 3"),
     ],

@@ -174,7 +174,7 @@ def test_records_beyond_memory_are_refused_before_they_are_read(copied, memory):
     store = copied("map.zarr")
     described(store / "progress" / "tiles" / "zarr.json", shape=[10**12, 9])
     memory(10**10)
-    with pytest.raises(OSError, match="map.zarr', which is no stored sweep, or a damaged one .*/progress/tiles/"):
+    with pytest.raises(OSError, match="map.zarr' is not a stored sweep, or is damaged .*/progress/tiles/"):
         SweepStore(store)
 
 
@@ -183,7 +183,7 @@ def test_a_netcdf_file_beyond_memory_is_refused_before_it_is_read(tmp_path, memo
         file.create_dataset("std", shape=(10**6, 10**6), dtype="f8", chunks=(1000, 1000))
     memory(10**10)
     for opening in (vi.load, open_study):
-        with pytest.raises(ValueError, match=r"vast.nc', whose values take 8 TB of memory, .* has 10 GB"):
+        with pytest.raises(ValueError, match=r"vast.nc' has values that take 8 TB of memory, .* has 10 GB"):
             opening(tmp_path / "vast.nc")
 
 

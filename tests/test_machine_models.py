@@ -10,11 +10,12 @@ from scipy.linalg import expm
 from scipy.special import zeta
 
 import vibroimpact as vi
-from systems import linear
+from systems import linear, two_sided
 from vibroimpact import models
 from vibroimpact.backends.reference.systems import follow
 from vibroimpact.models.arguments import TABLE
 from vibroimpact.models.beam_modes import beam_modes
+from vibroimpact.verdict.ranges import check_parameters
 
 MODELS = {name: getattr(models, name) for name in models.__all__}
 SYSTEMS = {name: model for name, model in MODELS.items() if isinstance(model(), vi.ImpactSystem)}
@@ -51,8 +52,26 @@ def opposite(stop, other):
 def test_a_model_takes_numbers_by_name_and_needs_none(name):
     for argument, parameter in inspect.signature(MODELS[name]).parameters.items():
         assert parameter.kind is inspect.Parameter.KEYWORD_ONLY
+        if TABLE[argument].follows:
+            assert parameter.default is None, argument
+            continue
         assert isinstance(parameter.default, (int, float)), argument
         assert TABLE[argument].check(parameter.default) == parameter.default
+
+
+@pytest.mark.parametrize("name", [name for name, model in MODELS.items() if "_restitution" in str(model.parameters)])
+def test_each_side_may_have_a_restitution_of_its_own_and_has_the_common_one_else(name):
+    own = [side for side, parameter in MODELS[name].parameters.items() if parameter.follows == "restitution"]
+    assert own
+    assert {stop.restitution for stop in MODELS[name](restitution=0.3).stops} == {0.3}
+    for side in own:
+        stop = side.removesuffix("_restitution")
+        changed = {at.name: at.restitution for at in MODELS[name](restitution=0.3, **{side: 0.9}).stops}
+        assert changed.pop(stop) == 0.9
+        assert set(changed.values()) == {0.3}
+        family = vi.family(MODELS[name])
+        assert getattr(family.replace(restitution=0.2), side) == 0.2
+        assert family.replace(**{side: 0.9}).at(restitution=0.3) == MODELS[name](restitution=0.3, **{side: 0.9})
 
 
 def test_every_number_in_the_table_is_one_of_a_model():
@@ -519,11 +538,11 @@ def test_supports_in_mirrored_places_make_a_mirrored_tube():
     ("impact_pair", {"inclination": 91.0}, "`inclination` must be between -90 and 90, got 91.0"),
     ("impact_pair", {"clearance": 0.0}, "`clearance` must be a finite number > 0, got 0.0"),
     ("idle_gear", {"rpm": 0.0}, "`rpm` must be a finite number > 0, got 0.0"),
-    ("impact_damper", {"particles": 5}, "`particles` must be between 1 and 4, got 5"),
-    ("impact_damper", {"particles": 1.5}, "`particles` must be a whole number, got 1.5"),
+    ("impact_damper", {"particles": 5}, "`particles` must be a whole number between 1 and 4, got 5"),
+    ("impact_damper", {"particles": 1.5}, "`particles` must be a whole number between 1 and 4, got 1.5"),
     ("tuned_mass_damper", {"stroke": -0.1}, "`stroke` must be a finite number > 0, got -0.1"),
-    ("cantilever_with_stop", {"modes": 13}, "`modes` must be between 1 and 12, got 13"),
-    ("cantilever_with_stop", {"modes": 2.5}, "`modes` must be a whole number, got 2.5"),
+    ("cantilever_with_stop", {"modes": 13}, "`modes` must be a whole number between 1 and 12, got 13"),
+    ("cantilever_with_stop", {"modes": 2.5}, "`modes` must be a whole number between 1 and 12, got 2.5"),
     ("cantilever_with_stop", {"stop_at": 1.1}, "`stop_at` must be between 0 and 1, got 1.1; give the distance"),
     ("cantilever_with_stop", {"stop_at": 0.0}, "`stop_at` must be a place that moves, got 0.0; keep stops away"),
     ("clamped_beam_with_stop", {"stop_at": 1.0}, "`stop_at` must be a place that moves, got 1.0; keep stops away"),
@@ -541,3 +560,23 @@ def test_a_number_that_makes_no_machine_is_refused_by_its_name(model, number, me
 def test_numbers_are_given_by_name():
     with pytest.raises(TypeError, match="positional"):
         models.bouncing_ball(0.1)
+
+
+@pytest.mark.parametrize("model", ["impact_damper", "tube_in_supports"])
+def test_a_verdict_varies_what_can_vary_continuously(model):
+    machine = vi.family(MODELS[model])
+    counts = {name for name, parameter in machine.parameters.items() if parameter.whole}
+    assert counts
+    assert not counts & set(check_parameters(machine, None))
+    with pytest.raises(ValueError, match="`parameters` must be names of numbers that vary continuously"):
+        check_parameters(machine, counts)
+
+
+def test_an_argument_that_counts_takes_whole_numbers():
+    @vi.family
+    def pair(omega=2.0, stops: int = 2):
+        return two_sided(omega, gap=0.5 * stops)
+
+    assert pair.at(stops=4.0).stops[0].gap == 2.0
+    with pytest.raises(ValueError, match="`stops` must be a whole number"):
+        pair.replace(stops=1.5)

@@ -94,6 +94,31 @@ def test_its_motions_are_those_of_the_engine_of_systems(seed, request):
                 assert mine[name].values.tolist() == theirs[name].values.tolist()
 
 
+@pytest.mark.parametrize("block", range(4))
+def test_its_attractors_are_those_of_the_oscillator(block):
+    compared = 0
+    for seed in range(8 * block, 8 * block + 8):
+        system, oscillator, start = a_machine(seed)
+        (stop,) = system.stops
+        side, rng = float(stop.direction[0]), np.random.default_rng([4002, seed])
+        offset = min(0.0, stop.gap) - start.displacement
+        ours, theirs = [], []
+        for clearance, velocity, time in rng.uniform([0.0, -2.0, 0.0], [2.0, 2.0, system.period], (24, 3)):
+            towards = stop.gap - clearance
+            ours.append(vi.State(towards / side, velocity / side, time))
+            theirs.append(vi.State(towards - offset, velocity, (time + start.time) % system.period))
+        found, expected = vi.attractors(system, ours), vi.attractors(oscillator, theirs)
+        if any(one.kind in ("chaotic", "sticking") and not one.n_periods for one in expected):
+            continue  # which initial conditions are irregular for how long is a matter of the window
+        compared += 1
+        assert [(one.name, one.share) for one in found] == [(one.name, one.share) for one in expected], seed
+        for one, other in zip(found, expected, strict=True):
+            for name in ("max_velocity", "mean_velocity", "dissipation", "lyapunov"):
+                near = pytest.approx(getattr(other, name), rel=1e-5, nan_ok=True)
+                assert getattr(one, name) == near, (seed, one.name, name)
+    assert compared > 4
+
+
 def test_chaos_has_the_same_statistics_by_both_engines(request):
     system = one_mass(vi.ImpactOscillator(omega=2.8))
     names = "std", "mean_velocity", "impacts_per_period", "lyapunov", "dissipation"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from designs import random_designs
 from vibroimpact.orbits import orbit_distance, same_orbit
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.equations import Cycle, Flight, parameters_of
@@ -298,3 +299,21 @@ def test_the_distance_of_orbits_is_symmetric_and_knows_no_unit():
         assert orbit_distance(one, other) == pytest.approx(orbit_distance(other, one))
         faster = [Impacts(cycle.phases, 1e6 * cycle.velocities) for cycle in (one, other)]
         assert orbit_distance(*faster) == pytest.approx(orbit_distance(one, other))
+
+
+def test_a_stable_orbit_is_a_motion_that_the_mass_stays_on_and_an_inadmissible_one_is_never_stable():
+    """The usual filter is enough: what penetrates the stop is no motion, though its multipliers may be small."""
+    kept = penetrating = 0
+    for osc in random_designs(np.random.default_rng(8), 40):
+        for n in (1, 2):
+            orbits = vi.find_orbit(osc, n_periods=n)
+            assert [orbit.admissible for orbit in orbits] == sorted((o.admissible for o in orbits), reverse=True)
+            penetrating += sum(orbit.spectral_radius < 1.0 and not orbit.admissible for orbit in orbits)
+            for orbit in orbits:
+                if not orbit.stable:
+                    continue
+                kept += 1
+                later = vi.impact_section(osc, start=orbit.start, transient_impacts=200, sample_impacts=1)
+                assert later["velocity"].values == pytest.approx(orbit.velocities, rel=1e-6), osc
+    assert kept > 10
+    assert penetrating > 2

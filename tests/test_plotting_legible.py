@@ -1,7 +1,7 @@
 """Every kind of figure can be read, for the paper's oscillator, a tube in SI units and a plane of tiny numbers.
 
-No text meets another or leaves the figure, no tick label is there twice, what has a unit shows it, and every colour and
-hatch is explained by a legend, a colour bar or the only label of its axes.
+No text meets another or leaves the figure, no tick label is there twice, what has a unit shows it, every colour and
+hatch is explained by a legend, a colour bar or the only label of its axes, and no two entries of a legend look alike.
 """
 
 from functools import cache
@@ -11,16 +11,21 @@ import numpy as np
 import pytest
 from matplotlib import pyplot as plt
 from matplotlib.collections import QuadMesh
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.transforms import Affine2D
 
+import systems as make
 import vibroimpact as vi
+from designs import random_designs, shaker
 from vibroimpact import figures, plotting
 from vibroimpact.dataset import VARIABLES
 from vibroimpact.indices import INDICES
+from vibroimpact.plotting import style
+from vibroimpact.plotting.continuation import COLORS
+from vibroimpact.plotting.walls import STOPS
 
 PAPER = vi.ImpactOscillator()
 TUBE = vi.ImpactOscillator(
@@ -218,13 +223,38 @@ def unexplained(figure):
     return left
 
 
+def look_of(handle):
+    """Return what a reader sees of an entry of a legend: colours, dashes, marker, hatch."""
+    if isinstance(handle, Line2D):
+        line = to_rgba(handle.get_color(), handle.get_alpha()) if handle.get_linestyle() != "None" else None
+        dashes = tuple(handle._unscaled_dash_pattern[1] or ()) if line else None
+        marker = handle.get_marker() if handle.get_marker() not in ("", "None", None) else None
+        return "line", line, dashes, marker, to_rgba(handle.get_markerfacecolor()) if marker else None
+    if hasattr(handle, "get_hatch") and hasattr(handle, "get_facecolor"):
+        colors = [tuple(np.ravel(get())[:4]) for get in (handle.get_facecolor, handle.get_edgecolor)]
+        return "patch", *colors, handle.get_hatch(), getattr(handle, "get_sizes", tuple)() is None
+    return "other", id(handle)
+
+
+def alike(figure):
+    """Return the pairs of entries of one legend that look alike."""
+    pairs = []
+    for legend in (part for ax in figure.axes for part in legends_of(ax)):
+        entries = [
+            (text.get_text(), look_of(handle))
+            for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
+        ]
+        pairs += [(one, other) for (one, a), (other, b) in combinations(entries, 2) if a == b]
+    return pairs
+
+
 def look_at(drawn):
     """Return what is wrong with a figure."""
     figure = drawn if hasattr(drawn, "axes") and isinstance(drawn.axes, list) else drawn.get_figure()
     figure.canvas.draw()
     faults = {
         check.__name__: found
-        for check in (overlaps, outside, repeated, without_unit, unexplained)
+        for check in (overlaps, outside, repeated, without_unit, unexplained, alike)
         if (found := check(figure))
     }
     plt.close(figure)
@@ -243,6 +273,56 @@ def test_a_figure_can_be_read(kind, request_):
 def test_the_figures_of_each_index_can_be_read(index, request_):
     assert look_at(plotting.index_curve(sweep(request_, "line"), index)) == {}
     assert look_at(plotting.index_contour(sweep(request_, "map"), index)) == {}
+
+
+def planes():
+    """Yield planes of one mass, in Hz and mm, of a family, and of a system, whose boundaries are many."""
+    yield PAPER, ("restitution", "omega"), [(0.5, 0.9), (0.6, 3.0)]
+    rng = np.random.default_rng(4)
+    for osc in random_designs(rng, 3):
+        yield osc, ("frequency", "gap"), [(0.6 * osc.frequency, 1.5 * osc.frequency), _around(osc)]
+    yield shaker, ("rpm", "clearance_mm"), [(600.0, 2400.0), (0.1, 1.5)]
+    yield make.one_mass(PAPER, stops=make.facing([1.0], 0.5, 0.6)), ("omega", "above_gap"), [(1.0, 3.0), (0.2, 0.9)]
+
+
+def _around(osc):
+    swing = osc.steady_amplitude
+    return -0.5 * swing, 1.2 * swing
+
+
+@pytest.mark.long(but=1)
+@pytest.mark.parametrize("at", range(6))
+def test_boundaries_of_any_design_differ_in_the_legend_and_are_named_in_the_plane_asked_for(at):
+    """The colour shows the kind, the dashes the periods, and the impacts stand at the curve, inside the axes."""
+    model, names, ranges = list(planes())[at]
+    curves = vi.boundary_curves(model, names, ranges, n_periods=(1, 2, 3, 5), lines=4)
+    assert len(curves) > 2
+    drawn = plotting.boundaries(curves)
+    texts, lines = drawn.texts, [line for line in drawn.lines if len(line.get_xdata()) > 1]
+    figure = drawn.get_figure()
+    figure.canvas.draw()
+    frame = drawn.get_window_extent().padded(1.0)
+    assert all(frame.contains(*corner) for text in texts for corner in text.get_window_extent().corners())
+    types = {("no impact" if max(map(max, (o.velocities for o in c.orbits))) == 0.0 else _short(c)) for c in curves}
+    assert types >= {text.get_text() for text in texts}
+    assert len(texts) >= 0.7 * len(curves)
+    for line, curve in zip(lines, curves, strict=False):
+        np.testing.assert_array_equal(line.get_xydata(), curve.values)
+    for axis, name in zip((drawn.xaxis, drawn.yaxis), names, strict=True):
+        assert model.parameters[name].long_name in axis.label.get_text().replace("\n", " ")
+    assert look_at(drawn) == {}
+
+
+def _short(curve):
+    n, p = curve.orbits[0].n_periods, curve.orbits[0].n_impacts
+    return f"p{n} i{p}" if p > 0 else f"p{n} sticking"
+
+
+def test_branches_of_many_types_and_impacts_on_many_stops_have_colours_of_their_own():
+    colors = [style.color_at(palette, at) for palette in (COLORS, STOPS) for at in range(20)]
+    for part in (colors[:20], colors[20:]):
+        apart = [np.abs(np.subtract(to_rgb(a), to_rgb(b))).max() for a, b in combinations(part, 2)]
+        assert min(apart) > 0.04
 
 
 def test_a_small_quantity_is_shown_in_a_smaller_unit_and_its_data_stay_in_si():

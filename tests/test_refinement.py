@@ -250,7 +250,7 @@ def test_a_refined_map_is_drawn_and_resampled(hard):
         ({"refine": 0}, "`refine` must be a whole number >= 1, got 0"),
         ({"refine": 13}, "`refine` must be between 1 and 12, got 13"),
         ({"jump": 0.0}, "`jump` must be None or a number above 0.*, got 0.0"),
-        ({"mass": [1.0]}, "`mass` must have two or more values"),
+        ({"mass": [1.0]}, "`mass` must have at least two values"),
         ({"gap": [0.0, 0.1]}, "`refine` needs two axes, got 3"),
         ({"mass": None}, "`refine` needs two axes, got 1"),
         ({"start": vi.State(1.0)}, "`start` must have a displacement .* got 1.0"),
@@ -263,7 +263,7 @@ def test_a_wrong_request_is_told_what_is_allowed(wrong, words):
 
 
 def test_a_uniform_map_is_no_refined_one():
-    with pytest.raises(ValueError, match="`plane` must be what `refined_map` returned, got a Dataset without"):
+    with pytest.raises(ValueError, match="`plane` must be a result of `refined_map`, got a Dataset without"):
         vi.to_uniform(vi.parameter_map(OSC, omega=[1.0, 2.0], sample_impacts=10))
     plane = vi.refined_map(OSC, refine=1, omega=[1.9, 2.0], mass=[1.0, 1.1], sample_impacts=50)
     with pytest.raises(ValueError, match="`shape` must be a pair"):

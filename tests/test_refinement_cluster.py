@@ -72,7 +72,7 @@ def test_a_finished_refined_store_needs_no_cluster(whole, tmp_path):
     [
         ({"cluster": "local"}, "`cluster` must be .*, got 'local'"),
         ({"cluster": "local:2", "workers": 2}, "either `workers` or `cluster`.*cluster='local:2'"),
-        ({"tile": 100}, "with `refine`, `tile` goes with `cluster` only"),
+        ({"tile": 100}, "with `refine`, `tile` needs a `cluster`"),
         ({"cluster": "local:2", "tile": 0}, "`tile` must be a whole number >= 1, got 0"),
     ],
 )

@@ -5,6 +5,7 @@ import pytest
 
 import vibroimpact as vi
 from designs import random_designs
+from systems import two_masses
 from vibroimpact.cells import spread
 from vibroimpact.coexistence.measuring import spread_cells
 from vibroimpact.report import sentences_of
@@ -91,3 +92,18 @@ def test_figures_say_from_where_they_begin():
     for said, axes in drawn.items():
         title = np.ravel(axes)[0].figure.axes[0].get_title()
         assert title.replace("\n", " ").endswith(f",  {said}") or title.replace("\n", " ").endswith(f", {said}")
+
+
+@pytest.mark.parametrize(
+    "model", [vi.ImpactOscillator(gap=0.0), two_masses(stops=[vi.Stop(direction=[1.0, 0.0], gap=0.0, restitution=0.7)])]
+)
+def test_a_state_that_rounding_puts_beyond_a_stop_is_at_it(model):
+    """Also where the gap is zero, so that there is no length to compare with."""
+    still = [0.0] * (model.coordinates - 1)
+    hits = [
+        vi.impact_section(model, start=vi.State([y, *still] if still else y), sample_impacts=5, transient_impacts=0)
+        for y in (0.0, 3e-17)
+    ]
+    np.testing.assert_allclose(hits[1]["velocity"].values, hits[0]["velocity"].values, rtol=1e-9)
+    with pytest.raises(ValueError, match="`start` "):
+        vi.impact_section(model, start=vi.State([1e-9, *still] if still else 1e-9))

@@ -399,7 +399,7 @@ def test_what_a_killed_process_had_set_aside_is_offered_and_never_deleted(tmp_pa
     path = vi.save(sweep(1.0), tmp_path / "map.zarr")
     die(path, "replacing")
     (aside,) = (entry for entry in tmp_path.iterdir() if entry.suffix == ".old")
-    with pytest.raises(FileNotFoundError, match=f"lies in .*{aside.name}"):
+    with pytest.raises(FileNotFoundError, match=f"is in .*{aside.name}"):
         vi.load(path)
     vi.save(sweep(3.0), path)
     aside.rename(tmp_path / "former.zarr")
@@ -453,7 +453,7 @@ try:
         part.mkdir()
         (part / "zarr.json").write_text(number)
 except FileExistsError as error:
-    refused = "exists by now; choose another name" in str(error)
+    refused = "exists now; choose another name" in str(error)
 print(int(refused))
 """
 

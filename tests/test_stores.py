@@ -155,7 +155,7 @@ def test_another_study_is_refused_with_the_difference(partly, monkeypatch, chang
     if version := change.pop("version", None):
         monkeypatch.setattr("vibroimpact.request.package_version", lambda: version)
     axes = {"mass": MASS, "omega": OMEGA} if change.pop("reversed", False) else {"omega": OMEGA, "mass": MASS}
-    with pytest.raises(ValueError, match=f"`store` is '.*', which holds another study .{difference}.*; choose another"):
+    with pytest.raises(ValueError, match=f"`store` '.*' holds another study .{difference}.*; choose another"):
         vi.parameter_map(osc, store=partly, **axes | {"sample_impacts": 50} | change)
     assert sorted((file, file.stat().st_mtime_ns) for file in partly.rglob("*")) == before
 
@@ -291,10 +291,10 @@ def test_a_store_may_be_a_link(tmp_path, there):
     [
         ({"store": "run.nc"}, ValueError, "`store` must be a folder ending in .zarr, got"),
         ({"store": 5}, ValueError, "`store` must be the path of a folder ending in .zarr, got"),
-        ({"store": "missing/run.zarr"}, FileNotFoundError, "folder does not exist; make it first"),
-        ({"store": "file.zarr"}, OSError, "which is no stored sweep"),
-        ({"store": "empty.zarr"}, OSError, "which is no stored sweep"),
-        ({"store": "saved.zarr"}, OSError, "which is no stored sweep"),
+        ({"store": "missing/run.zarr"}, FileNotFoundError, "folder does not exist; create it first"),
+        ({"store": "file.zarr"}, OSError, "is not a stored sweep"),
+        ({"store": "empty.zarr"}, OSError, "is not a stored sweep"),
+        ({"store": "saved.zarr"}, OSError, "is not a stored sweep"),
         ({"tile": 0}, ValueError, "`tile` must be .*, got"),
         ({"tile": 2.5}, ValueError, "`tile` must be .*, got"),
         ({"tile": "many"}, ValueError, "`tile` must be .*, got"),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from codes import Witness
 from contents import names_of_starts
 from systems import THREE, TWINS, beside_its_centre, free_pair, linear, one_mass, random_pair, two_sided
 from systems import system as of
@@ -47,6 +48,38 @@ def test_a_motion_and_its_mirror_image_are_two_attractors():
     assert mirrored(symmetric, symmetric)
     assert symmetric.velocities[0] == pytest.approx(1.01091975000998629752895, rel=1e-13)
     assert symmetric.phases[0] == pytest.approx(0.30697182627669859292, rel=1e-12)
+
+
+@pytest.mark.parametrize(("omega", "number"), [(0.8, 2), (0.9, 1)])
+def test_chaos_is_told_from_its_mirror_image_until_both_merge(omega, number):
+    """After a pitchfork each chaotic attractor strikes one of the stops harder, for good; after the crisis neither."""
+    model = two_sided(omega, 0.85, 0.2)
+    found = vi.attractors(model)
+    assert [one.kind for one in found] == ["chaotic"] * number
+    assert sum(one.share for one in found) == 1.0
+    assert all(one.share > 0.4 for one in found)
+    for transient in (0, 10_000) if number == 2 else ():
+        samples = [
+            vi.impact_section(model, start=one.start, transient_impacts=transient, sample_impacts=5000) for one in found
+        ]
+        above, below = ([float(hits["velocity"][hits["stop"] == stop].mean()) for hits in samples]
+                        for stop in ("above", "below"))  # fmt: skip
+        assert above == pytest.approx(below[::-1], rel=2e-3)
+        assert above != pytest.approx(below, rel=0.01)
+    for one in found if number == 2 else ():
+        start = one.start.displacement, one.start.velocity, one.start.time
+        hits = Witness().impacts(model, *start, number=400)
+        mean = [float(hits["velocity"][hits["stop"] == stop].mean()) for stop in (0, 1)]
+        assert mean == pytest.approx([0.4207, 0.4286][:: 1 if mean[0] < mean[1] else -1], rel=3e-3)
+        assert (mean[0] > mean[1]) == (above[found.index(one)] > below[found.index(one)])
+
+
+def test_initial_conditions_that_mirror_each_other_lead_to_chaos_that_does():
+    model = two_sided(0.8, 0.85, 0.2)
+    starts = [vi.State(y, v, 0.3) for y, v in ((0.1, 0.2), (-0.05, 0.7), (0.0, -0.4))]
+    images = [vi.State(-np.array(s.displacement), -np.array(s.velocity), 0.3 + model.period / 2) for s in starts]
+    both = [vi.attractors(model, [start, image]) for start, image in zip(starts, images, strict=True)]
+    assert all([one.share for one in found] == [0.5, 0.5] for found in both)
 
 
 def test_twins_have_basins_that_are_mirror_images():

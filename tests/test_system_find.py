@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from systems import beside_its_centre, free_masses, free_pair, two_sided
+from systems import beside_its_centre, free_masses, free_pair, on_springs, two_sided
 
 
 def test_the_motion_from_rest_gives_the_orbit_that_it_settles_to():
@@ -256,3 +256,22 @@ def test_orbits_with_a_free_centre_are_followed_through_the_same_bifurcations():
     assert [kind for kind, _ in points] == [kind for kind, _ in own]
     assert [value for _, value in points] == pytest.approx([value for _, value in own], rel=1e-9)
     assert points[0][0] == "pitchfork"
+
+
+def test_a_stable_orbit_of_a_system_is_a_motion_that_it_stays_on_and_an_inadmissible_one_is_never_stable():
+    kept = penetrating = 0
+    rng = np.random.default_rng(5)
+    for system in (on_springs(rng) for _ in range(60)):
+        for stop in system.stop_names:
+            orbits = vi.find_orbit(system, stops=stop)
+            penetrating += sum(orbit.spectral_radius < 1.0 and not orbit.admissible for orbit in orbits)
+            assert [orbit.admissible for orbit in orbits] == sorted((o.admissible for o in orbits), reverse=True)
+            for orbit in orbits:
+                if not orbit.stable or orbit.spectral_radius > 0.97 or max(orbit.velocities) < 1e-3:
+                    continue
+                kept += 1
+                start = vi.State(*(part[0] for part in orbit.motion([0.0])[:2]), 0.0)
+                later = vi.impact_section(system, start=start, transient_impacts=300, sample_impacts=1)
+                assert later["velocity"].values == pytest.approx(orbit.velocities, rel=1e-6), system
+    assert kept > 5
+    assert penetrating > 2

@@ -43,17 +43,26 @@ pytestmark = pytest.mark.usefixtures("modal_engine")
         ({"stiffness": np.eye(3)}, r"`stiffness` must be 2 x 2, as `mass` is, got an array of shape \(3, 3\)"),
         ({"force": vi.Force(omega=1.0, harmonics={2: 1.0})}, r"`harmonics\[2\]` must have 2 numbers, .*, got 1"),
         ({"force": vi.Force(omega=1.0, constant=[1, 2, 3])}, r"`constant` must have 2 numbers, .*, got 3"),
-        ({"force": vi.Force(omega=1.0, constant={"tip": 1})}, r"names points \(tip\), which only .*from_modes knows"),
+        (
+            {"force": vi.Force(omega=1.0, constant={"tip": 1})},
+            r"refers to points \(tip\), which only .*from_modes has",
+        ),
         ({"force": {"omega": 1.0}}, r"`force` must be a Force"),
         ({"stops": vi.Stop(direction=[0, 1], gap=0.1)}, r"`stops` must be a list of Stops"),
         ({"stops": [0.1]}, r"`stops\[0\]` must be a Stop, got 0.1"),
         ({"stops": [vi.Stop(direction=1, gap=0.1)]}, r"`stops\[0\].direction` must have 2 numbers, .*, got 1"),
-        ({"stops": [vi.Stop(direction=[1, at], gap=1) for at in range(6)]}, r"`stops` must be at most 5, got 6"),
-        ({"stops": [vi.Stop(direction=[1, at], gap=1, name="a") for at in (0, 1)]}, r"'a' is that of another stop"),
-        ({"stops": [vi.Stop(direction=[1, 0], gap=1, name="omega")]}, r"'omega' is that of a parameter"),
+        (
+            {"stops": [vi.Stop(direction=[1, at], gap=1) for at in range(6)]},
+            r"`stops` must have at most 5 entries, got 6",
+        ),
+        (
+            {"stops": [vi.Stop(direction=[1, at], gap=1, name="a") for at in (0, 1)]},
+            r"'a' is also the name of another stop",
+        ),
+        ({"stops": [vi.Stop(direction=[1, 0], gap=1, name="omega")]}, r"'omega' is also the name of a parameter"),
         (
             {"stops": [vi.Stop(direction=[1, at], gap=1, name=name) for at, name in enumerate(["a", "a_gap"])]},
-            r"`stops\[1\].name` 'a_gap' is that of a parameter",
+            r"`stops\[1\].name` 'a_gap' is also the name of a parameter",
         ),
         (
             {"stops": [vi.Stop(direction=[1, 1], gap=0.1), vi.Stop(direction=[-2, -2], gap=-0.3)]},
@@ -61,7 +70,7 @@ pytestmark = pytest.mark.usefixtures("modal_engine")
         ),
         (
             {"stops": [vi.Stop(direction=way, gap=-1) for way in ([1, 0], [0, 1], [-1, -1])]},
-            r"`stops` stop_1, stop_2, stop_3 overlap: no position is before all of them",
+            r"`stops` stop_1, stop_2, stop_3 overlap: no position is in front of all of them",
         ),
     ],
 )
@@ -86,7 +95,10 @@ def test_a_system_names_the_matrix_and_the_entry_that_it_refuses(changes, messag
             r"`harmonics\[1\]\[1\]` must be a finite number",
         ),
         ({"omega": 1.0, "constant": [1j]}, r"`constant` must be a list of numbers"),
-        ({"omega": 1.0, "constant": {}}, r"`constant` must be a list of numbers, or numbers by the names of points"),
+        (
+            {"omega": 1.0, "constant": {}},
+            r"`constant` must be a list of numbers, or a mapping from names of points to numbers",
+        ),
     ],
 )
 def test_a_force_names_what_it_refuses(arguments, message):
@@ -230,12 +242,12 @@ def test_states_of_several_coordinates_keep_them_as_tuples():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (([],), "`displacement` must be a number, or numbers for all coordinates"),
+        (([],), "`displacement` must be a number, or one number per coordinate"),
         (([1.0, "2"],), r"`displacement\[1\]` must be a finite number, got '2'"),
         (([1.0, math.nan],), r"`displacement\[1\]` must be a finite number, got nan"),
-        (([1.0, 2.0], [1.0]), "as many numbers, got 2 and 1"),
-        (([1.0, 2.0], 1.0), "as many numbers, got 2 and a single number"),
-        ((1.0, [1.0]), "as many numbers, got a single number and 1"),
+        (([1.0, 2.0], [1.0]), "the same length, got 2 and 1"),
+        (([1.0, 2.0], 1.0), "the same length, got 2 and a single number"),
+        ((1.0, [1.0]), "the same length, got a single number and 1"),
     ],
 )
 def test_states_refuse_numbers_that_do_not_fit(arguments, message):
@@ -303,7 +315,7 @@ def test_an_initial_state_is_checked_against_all_stops():
     system = two_masses()
     q, velocity, time = system.initial(vi.State([0.01, 0.05], [1.0, 2.0], 2.0 * system.period))
     assert (q.tolist(), velocity.tolist(), time) == ([0.01, 0.05], [1.0, 2.0], 2.0 * system.period)  # in contact
-    with pytest.raises(ValueError, match="`start` lies beyond 'bar' by 0.01 m at time 0; start before the stops"):
+    with pytest.raises(ValueError, match="`start` lies beyond 'bar' by 0.01 m at time 0; start in front of them"):
         system.initial(vi.State([0.0, 0.06]))
     corner = two_masses(stops=[vi.Stop(direction=way, gap=0.1) for way in ([1, 0], [0, 1])])
     with pytest.raises(ValueError, match="beyond 'stop_1' by 0.1 m and 'stop_2' by 0.2 m"):
@@ -371,8 +383,8 @@ def test_a_mode_at_0_hz_is_a_free_mass():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"frequencies": [1.0]}, r"as many, one per mode, got 1, 2 and 2"),
-        ({"damping_ratios": [0.1] * 3}, r"as many, one per mode, got 2, 3 and 2"),
+        ({"frequencies": [1.0]}, r"equal lengths, one per mode, got 1, 2 and 2"),
+        ({"damping_ratios": [0.1] * 3}, r"equal lengths, one per mode, got 2, 3 and 2"),
         ({"frequencies": [1.0, -2.0]}, r"`frequencies` must be numbers >= 0, got \[1.0, -2.0\]"),
         ({"damping_ratios": -0.1}, r"`damping_ratios` must be numbers >= 0"),
         ({"points": ["tip"]}, r"`points` must be 2 different names, one per row of `shapes`, got \['tip'\]"),

@@ -1,5 +1,8 @@
 """What a user does with motions of systems: diagrams, files, stores and pictures."""
 
+import re
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -465,3 +468,46 @@ def test_a_motion_of_a_system_has_the_name_that_a_map_gives_it():
         assert not motion.n_impacts > 0 or len(motion.velocities) == len(motion.phases) == motion.n_impacts
         names.add(motion.kind)
     assert {"periodic", "sticking", "chaotic"} <= names
+
+
+def results_of(design, kind):
+    """Yield what the questions about a design return: orbits, a branch, an attractor, a verdict."""
+    for n_impacts in (1, -1):
+        yield (orbits := vi.find_orbit(design, n_impacts=n_impacts))
+        yield from orbits
+    yield vi.continue_orbit(
+        next(iter(vi.find_orbit(design, **kind))), "omega", (0.9 * design.omega, 1.1 * design.omega)
+    )
+    yield from vi.attractors(design)
+    yield vi.describe(design, parameters=())
+
+
+@pytest.mark.parametrize(
+    "design",
+    [
+        vi.ImpactOscillator(omega=0.1, gap=0.0),  # it chatters
+        vi.ImpactOscillator(omega=0.9),  # its one orbit is inadmissible
+        one_mass(vi.ImpactOscillator(omega=0.1), force=vi.Force(omega=0.1, harmonics={1: 1.0})),
+        make.two_sided(),
+    ],
+    ids=lambda design: type(design).__name__,
+)
+def test_a_result_is_shown_in_some_lines_and_in_a_notebook_as_a_table_with_units(design):
+    shown = set()
+    for result in results_of(
+        design, {} if design.forgets else {"stops": design.stop_names[0], "symmetric": len(design.stops) == 2}
+    ):
+        assert len(repr(result)) < 4000
+        page = ElementTree.fromstring(f"<div>{result._repr_html_().replace('<br>', '<br/>')}</div>")
+        assert page.find("p/b").text
+        rows = page.findall("table/tr")
+        assert len({len(row) for row in rows}) <= 1, "each row has a cell for each head"
+        assert len(rows) <= 14
+        shown |= {unit for cell in page.iter() for unit in re.findall(r"\[.*?\]", cell.text or "")}
+    assert {"[m/s]", "[J]"} <= shown
+
+
+def test_a_table_says_of_an_inadmissible_orbit_that_it_is_none_and_why():
+    (orbit,) = vi.find_orbit(vi.ImpactOscillator(omega=0.9))
+    assert "period-1 impact-1, inadmissible" in orbit._repr_html_()
+    assert orbit.message.partition("'")[0] in orbit._repr_html_()

@@ -364,7 +364,7 @@ def test_a_wrong_request_names_the_argument_and_the_remedy(arguments, words):
 
 
 def test_only_an_oscillator_is_described():
-    with pytest.raises(ValueError, match="`osc` must be an ImpactOscillator or a family, got 3"):
+    with pytest.raises(ValueError, match="`osc` must be an ImpactOscillator, an ImpactSystem or a family, got 3"):
         vi.describe(3)
 
 

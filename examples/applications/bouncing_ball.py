@@ -19,7 +19,9 @@ OMEGA, GRAVITY = 100.0 * np.pi, 9.81  # 50 Hz
 @vi.family(units={"gamma": "1"})
 def ball(gamma=1.3, restitution=0.5):
     """Return a ball on a table of that largest acceleration."""
-    return vi.models.bouncing_ball(amplitude=gamma * GRAVITY / OMEGA**2, restitution=restitution)
+    return vi.models.bouncing_ball(
+        amplitude=gamma * GRAVITY / OMEGA**2, restitution=restitution
+    )
 
 
 def fold(r):
@@ -40,7 +42,10 @@ points = {point.kind: point for point in branch.special}
 assert abs(points["fold"].value - 1.047197551197) < 1e-11
 assert abs(points["period_doubling"].value - 1.526823700519) < 1e-11
 box = (0.1, 3.0), (0.2, 0.9)
-curves = {kind: vi.continue_boundary(point, ("gamma", "restitution"), box).values for kind, point in points.items()}
+curves = {
+    kind: vi.continue_boundary(point, ("gamma", "restitution"), box).values
+    for kind, point in points.items()
+}
 for kind, formula in (("fold", fold), ("period_doubling", doubling)):
     gamma, r = curves[kind].T
     assert np.allclose(gamma, formula(r), rtol=1e-10, atol=0)
@@ -51,9 +56,17 @@ for kind, formula in (("fold", fold), ("period_doubling", doubling)):
 
 first = vi.find_orbit(ball.replace(gamma=1.1))[0]
 flight = vi.simulate(first.system, start=first.start, periods=0.5).isel(time=-1)
-apex = vi.State(flight["displacement"].values, flight["velocity"].values, float(flight["time"]))
-sweep = vi.bifurcation_diagram(ball, gamma=np.linspace(1.1, 1.7, 200), direction="up", sample_impacts=60,
-                               transient_impacts=400, start=apex)  # fmt: skip
+apex = vi.State(
+    flight["displacement"].values, flight["velocity"].values, float(flight["time"])
+)
+sweep = vi.bifurcation_diagram(
+    ball,
+    gamma=np.linspace(1.1, 1.7, 200),
+    direction="up",
+    sample_impacts=60,
+    transient_impacts=400,
+    start=apex,
+)
 figure, (left, right) = plt.subplots(1, 2, figsize=(11.5, 4.6), layout="constrained")
 vi.plotting.bifurcation_diagram(sweep, ax=left)
 for kind, color in (("fold", "#d55e00"), ("period_doubling", "#0072b2")):
@@ -61,6 +74,10 @@ for kind, color in (("fold", "#d55e00"), ("period_doubling", "#0072b2")):
     right.plot(*curves[kind].T, color=color, label=kind.replace("_", " "))
 right.plot(fold(r := np.linspace(0.2, 0.9, 15)), r, "k.", label="formulas")
 right.plot(doubling(r), r, "k.")
-right.set(xlabel=r"$\Gamma$", ylabel="restitution", title="one bounce per period is stable between the curves")
+right.set(
+    xlabel=r"$\Gamma$",
+    ylabel="restitution",
+    title="one bounce per period is stable between the curves",
+)
 right.legend(frameon=False)
 plt.show()

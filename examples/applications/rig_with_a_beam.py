@@ -20,8 +20,12 @@ rig = vi.family(vi.models.bilinear_oscillator)
 # force.
 
 still = vi.simulate(rig, periods=300, samples_per_period=1).isel(time=-1)
-start = vi.State(still["displacement"].values.round(8), still["velocity"].values.round(8))
-vi.plotting.time_history(vi.simulate(rig, start=start, periods=2, samples_per_period=1000)).set_title("settled motion")
+start = vi.State(
+    still["displacement"].values.round(8), still["velocity"].values.round(8)
+)
+vi.plotting.time_history(
+    vi.simulate(rig, start=start, periods=2, samples_per_period=1000)
+).set_title("settled motion")
 
 # %%
 # Over the stiffness of the beam: from 1e6 N/m on the force grows almost with its root, and the impulse hardly
@@ -30,11 +34,22 @@ vi.plotting.time_history(vi.simulate(rig, start=start, periods=2, samples_per_pe
 stiffness = np.logspace(4, 8, 17)
 contacts = []
 for k in stiffness:
-    stiffer = rig.replace(stop_stiffness=k, stop_damping=20.0 * np.sqrt(k / 1.2e5))  # of the same damping ratio
-    contacts.append(vi.impact_section(stiffer, transient_impacts=500, sample_impacts=4).max("impact"))
-force, impulse = (np.array([float(hit[name]) for hit in contacts]) for name in ("peak_force", "impulse"))
+    stiffer = rig.replace(
+        stop_stiffness=k, stop_damping=20.0 * np.sqrt(k / 1.2e5)
+    )  # of the same damping ratio
+    contacts.append(
+        vi.impact_section(stiffer, transient_impacts=500, sample_impacts=4).max(
+            "impact"
+        )
+    )
+force, impulse = (
+    np.array([float(hit[name]) for hit in contacts])
+    for name in ("peak_force", "impulse")
+)
 stiff = stiffness > 0.99e6
-assert abs(np.polyfit(np.log(stiffness[stiff]), np.log(force[stiff]), 1)[0] - 0.5) < 0.05
+assert (
+    abs(np.polyfit(np.log(stiffness[stiff]), np.log(force[stiff]), 1)[0] - 0.5) < 0.05
+)
 assert np.ptp(impulse[stiff]) < 0.15 * impulse[stiff].mean()
 figure, ax = plt.subplots(figsize=(7, 4), layout="constrained")
 ax.loglog(stiffness, force, "o-", label="largest force [N]")

@@ -17,8 +17,15 @@ import vibroimpact as vi
 def shaker(unbalance=0.002, clearance_mm=1.0, restitution=0.7, rpm=2600.0):
     """Return a 2 kg shaker on a spring, driven by an unbalance."""
     omega = rpm * 2 * np.pi / 60
-    return vi.ImpactOscillator(mass=2.0, stiffness=3e4, damping=5.0, amplitude=unbalance * omega**2, omega=omega,
-                               gap=clearance_mm / 1e3, restitution=restitution)  # fmt: skip
+    return vi.ImpactOscillator(
+        mass=2.0,
+        stiffness=3e4,
+        damping=5.0,
+        amplitude=unbalance * omega**2,
+        omega=omega,
+        gap=clearance_mm / 1e3,
+        restitution=restitution,
+    )
 
 
 # %%
@@ -31,12 +38,20 @@ parts = {
     "unbalance": random.normal(0.002, 0.0001, 2000),
     "restitution": random.uniform(0.6, 0.8, 2000),
 }
-sample = vi.parameter_map(shaker, points=parts, start=4, indices=["max_velocity"], transient_impacts=500,
-                          sample_impacts=300)  # fmt: skip
+sample = vi.parameter_map(
+    shaker,
+    points=parts,
+    start=4,
+    indices=["max_velocity"],
+    transient_impacts=500,
+    sample_impacts=300,
+)
 hardest = sample["max_velocity"].max("start").fillna(0.0)
 mean, most = float(hardest.mean()), float(hardest.quantile(0.95))
 near = float((abs(hardest - mean) < 0.05).mean())
-print(f"on average {mean:.2f} m/s, and 95 % of the parts below {most:.2f} m/s; {near:.0%} within 0.05 of the mean")
+print(
+    f"on average {mean:.2f} m/s, and 95 % of the parts below {most:.2f} m/s; {near:.0%} within 0.05 of the mean"
+)
 assert near < 0.15
 
 # %%

@@ -14,7 +14,10 @@ import vibroimpact as vi
 osc = vi.ImpactOscillator()
 regular, chaotic = osc.replace(omega=1.4), osc.replace(omega=2.8)
 both = vi.compare(regular, chaotic, parameters=["omega"])
-assert [verdict.motion.name for verdict in both.verdicts] == ["period-1 impact-1", "chaotic"]
+assert [verdict.motion.name for verdict in both.verdicts] == [
+    "period-1 impact-1",
+    "chaotic",
+]
 print(both)
 
 # %%

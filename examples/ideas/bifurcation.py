@@ -26,7 +26,9 @@ for low, high, peak in ((1.5, 2.5, 2.0), (3.5, 4.5, 4.0)):
 # %%
 
 figure, axes = plt.subplots(2, 1, figsize=(9, 9), layout="constrained")
-vi.plotting.diagram_with_index(diagram, vi.parameter_map(osc, omega=omega), index="std", scale=5, ax=axes[0])
+vi.plotting.diagram_with_index(
+    diagram, vi.parameter_map(osc, omega=omega), index="std", scale=5, ax=axes[0]
+)
 vi.plotting.bifurcation_diagram(carried, ax=axes[1])
 axes[1].set_title("frequency lowered slowly, the motion carried along")
 plt.show()

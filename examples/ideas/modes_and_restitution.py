@@ -24,16 +24,22 @@ def struck_mass(modes, stop_at):
 
 def impacts_per_period(modes):
     """Return how often the strip hits its stop per period."""
-    hits = vi.impact_section(strip(modes=float(modes)), transient_impacts=4000, sample_impacts=4000)["time"].values
+    hits = vi.impact_section(
+        strip(modes=float(modes)), transient_impacts=4000, sample_impacts=4000
+    )["time"].values
     return float((len(hits) - 1) / (hits[-1] - hits[0]) / strip().frequency)
 
 
 def rebound(modes, restitution):
     """Return the speed of a free bar after a stop over that before; length, mass and speed of sound are 1."""
     order = np.arange(modes)
-    stop = vi.Stop(direction=np.where(order, np.sqrt(2.0), 1.0), gap=0.0, restitution=restitution)
+    stop = vi.Stop(
+        direction=np.where(order, np.sqrt(2.0), 1.0), gap=0.0, restitution=restitution
+    )
     stiffness = np.diag((np.pi * order) ** 2)
-    bar = vi.ImpactSystem(mass=np.eye(modes), stiffness=stiffness, force=vi.Force(omega=0.3), stops=[stop])
+    bar = vi.ImpactSystem(
+        mass=np.eye(modes), stiffness=stiffness, force=vi.Force(omega=0.3), stops=[stop]
+    )
     coming = vi.State([-1.0] + [0.0] * (modes - 1), [1.0] + [0.0] * (modes - 1))
     return -float(vi.simulate(bar, start=coming, periods=1)["velocity"][-1, 0])
 
@@ -43,14 +49,26 @@ assert abs(rebound(12, 0.0) - 22 / 23) < 2e-4  # about (2 n - 2)/(2 n - 1)
 
 # %%
 
-figure, (left, middle, right) = plt.subplots(1, 3, figsize=(11, 3.4), layout="constrained")
+figure, (left, middle, right) = plt.subplots(
+    1, 3, figsize=(11, 3.4), layout="constrained"
+)
 for at, marker, name in ((1.0, "o-", "the tip"), (0.7, "s--", "0.7 of the length")):
-    left.plot(modes, [struck_mass(n, at) for n in modes], marker, markersize=4, label=f"stop at {name}")
+    left.plot(
+        modes,
+        [struck_mass(n, at) for n in modes],
+        marker,
+        markersize=4,
+        label=f"stop at {name}",
+    )
 left.set(ylabel="struck mass [g]", ylim=(0, None))
-middle.semilogy(modes[:10], [impacts_per_period(n) for n in modes[:10]], "o-", markersize=4)
+middle.semilogy(
+    modes[:10], [impacts_per_period(n) for n in modes[:10]], "o-", markersize=4
+)
 middle.set(ylabel="impacts per period")
 for r in (0.0, 0.4, 0.7, 0.9):
-    right.plot(modes, [rebound(n, r) for n in modes], "o-", markersize=4, label=f"r = {r:g}")
+    right.plot(
+        modes, [rebound(n, r) for n in modes], "o-", markersize=4, label=f"r = {r:g}"
+    )
 right.set(ylabel="speed after over speed before", ylim=(0, 1.02))
 for ax in (left, middle, right):
     ax.set(xlabel="number of modes", xticks=range(2, 13, 2))

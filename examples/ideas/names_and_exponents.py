@@ -13,16 +13,24 @@ import vibroimpact as vi
 
 names = ["lyapunov", "lyapunov_per_impact", "n_periods", "n_impacts"]
 axes = {"omega": np.linspace(0.5, 5, 300), "mass": np.linspace(0.1, 5, 200)}
-sweep = vi.parameter_map(vi.ImpactOscillator(), **axes, indices=names, sample_impacts=1000)
+sweep = vi.parameter_map(
+    vi.ImpactOscillator(), **axes, indices=names, sample_impacts=1000
+)
 
 # %%
 # Most cells are periodic; no periodic cell has a positive exponent.
 
 classes = vi.classify(sweep)["motion"]
 meanings = classes.attrs["flag_meanings"].split()
-periodic, chaotic = (classes == meanings.index(name) for name in ("periodic", "chaotic"))
+periodic, chaotic = (
+    classes == meanings.index(name) for name in ("periodic", "chaotic")
+)
 print(f"{float(periodic.mean()):.0%} periodic, {float(chaotic.mean()):.0%} chaotic")
-assert float(sweep["lyapunov"].where(periodic).max()) < 0 < float(sweep["lyapunov"].where(chaotic).min())
+assert (
+    float(sweep["lyapunov"].where(periodic).max())
+    < 0
+    < float(sweep["lyapunov"].where(chaotic).min())
+)
 
 # %%
 

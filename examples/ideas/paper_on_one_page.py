@@ -13,18 +13,24 @@ import numpy as np
 
 import vibroimpact as vi
 
-osc = vi.ImpactOscillator()  # the paper's numbers: m = k = f = 1, c = 0.01, r = 0.8, g = 0
+osc = (
+    vi.ImpactOscillator()
+)  # the paper's numbers: m = k = f = 1, c = 0.01, r = 0.8, g = 0
 chaotic = osc.replace(omega=2.8)
 motion = vi.simulate(chaotic, periods=20)
 strobed = vi.stroboscopic_section(chaotic, sample_periods=4000)
-diagram = vi.bifurcation_diagram(osc, omega=np.linspace(0.5, 5, 400), sample_impacts=150)
+diagram = vi.bifurcation_diagram(
+    osc, omega=np.linspace(0.5, 5, 400), sample_impacts=150
+)
 assert vi.recognise(vi.impact_section(chaotic)).name == "chaotic"
 
 # %%
 # Three of the five maps, 120 x 80 cells of 1000 impacts each.
 
 planes = [
-    vi.parameter_map(osc, omega=np.linspace(0.5, 5, 120), **{name: values}, sample_impacts=1000)
+    vi.parameter_map(
+        osc, omega=np.linspace(0.5, 5, 120), **{name: values}, sample_impacts=1000
+    )
     for name, values in (
         ("mass", np.linspace(0.1, 5, 80)),
         ("damping", np.linspace(0.005, 1, 80)),

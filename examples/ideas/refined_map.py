@@ -25,8 +25,21 @@ vi.plotting.motion_map(plane, ax=left)
 left.set_title(f"{plane.sizes['omega']} x {plane.sizes['mass']} cells")
 levels = np.ma.masked_less(plane["level"].transpose("mass", "omega").values, 0)
 colours = mpl.colormaps["viridis_r"].resampled(4)
-mesh = right.pcolormesh(plane["omega"], plane["mass"], levels, cmap=colours, vmin=-0.5, vmax=3.5, rasterized=True)
-right.set(xlabel=left.get_xlabel(), title=f"{plane.attrs['fraction_computed']:.0%} of them computed")
+mesh = right.pcolormesh(
+    plane["omega"],
+    plane["mass"],
+    levels,
+    cmap=colours,
+    vmin=-0.5,
+    vmax=3.5,
+    rasterized=True,
+)
+right.set(
+    xlabel=left.get_xlabel(),
+    title=f"{plane.attrs['fraction_computed']:.0%} of them computed",
+)
 right.grid(visible=False)
-figure.colorbar(mesh, ax=right, ticks=range(4), label="level of computation (white: filled in)")
+figure.colorbar(
+    mesh, ax=right, ticks=range(4), label="level of computation (white: filled in)"
+)
 plt.show()

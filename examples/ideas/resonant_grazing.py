@@ -28,11 +28,19 @@ def follow(kind, detuning, beyond):
     omega = resonance + detuning
     grazing = radius(omega)
     orbit = vi.find_orbit(osc.replace(omega=omega, gap=grazing + beyond))[0]
-    branch = vi.continue_orbit(orbit, "gap", (grazing - 0.01, grazing + 0.01), step=0.01)
+    branch = vi.continue_orbit(
+        orbit, "gap", (grazing - 0.01, grazing + 0.01), step=0.01
+    )
     (point,) = (point for point in branch.special if point.kind == kind)
     ranges = (resonance - 0.06, resonance + 0.06), (0.25, 0.42)
-    omegas, gaps = vi.continue_boundary(point, ("omega", "gap"), ranges, step=0.02).values.T
-    return grazing - point.value, omegas - resonance, np.array([radius(omega) for omega in omegas]) - gaps
+    omegas, gaps = vi.continue_boundary(
+        point, ("omega", "gap"), ranges, step=0.02
+    ).values.T
+    return (
+        grazing - point.value,
+        omegas - resonance,
+        np.array([radius(omega) for omega in omegas]) - gaps,
+    )
 
 
 # %%
@@ -44,7 +52,9 @@ assert abs(doubled / 1e-4 - 0.80459502) < 1e-8
 _, fold_at, fold = follow("fold", -0.01, 2e-4)
 for detuning, distance in ((doubling_at, doubling), (fold_at, fold)):
     ratio = distance / detuning**2
-    assert np.ptp(ratio) < 0.2 * abs(ratio.mean())  # while the square itself changes by a thousand
+    assert np.ptp(ratio) < 0.2 * abs(
+        ratio.mean()
+    )  # while the square itself changes by a thousand
 
 # %%
 # Below the line R = g the steady motion strikes the stop; the fold lies above it: there the silent motion coexists
@@ -58,7 +68,10 @@ for ax, detuning, distance, name, color in (
     order = np.argsort(detuning)
     ax.plot(detuning[order], distance[order], color=color, label=name)
     ax.axhline(0.0, color="0.3", linestyle="--", label="grazing, g = R")
-    ax.set(xlabel="driving frequency less twice the damped natural one [rad/s]", ylabel="g - R [mm]")
+    ax.set(
+        xlabel="driving frequency less twice the damped natural one [rad/s]",
+        ylabel="g - R [mm]",
+    )
     ax.legend(frameon=False)
 figure.suptitle("Both curves are tangent to the grazing curve at resonance")
 plt.show()

@@ -12,7 +12,12 @@ import numpy as np
 import vibroimpact as vi
 
 osc = vi.ImpactOscillator()
-sweep = vi.parameter_map(osc, omega=np.linspace(0.5, 5, 360), mass=np.linspace(0.1, 5, 240), sample_impacts=2000)
+sweep = vi.parameter_map(
+    osc,
+    omega=np.linspace(0.5, 5, 360),
+    mass=np.linspace(0.1, 5, 240),
+    sample_impacts=2000,
+)
 assert sweep["std"].size == 86_400
 vi.plotting.index_contour(sweep, "std", reference={"mass": 1.0})
 plt.show()

@@ -1,4 +1,4 @@
-"""A second process that compiles for a command, where kernels are missing and there is a second core."""
+"""A second process that compiles missing kernels for a command, on machines with a second core."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from vibroimpact import compiling
 if TYPE_CHECKING:
     from vibroimpact.model import Model
 
-PATIENCE = 5.0  # s without anything to compile, after which it ends
+PATIENCE = 5.0  # s without anything to compile, after which the second process ends
 
 _processes: list[subprocess.Popen[bytes]] = []  # one at most
 _latest: list[Callable[[], Model]] = []  # the model of the latest command
 
 
 def compile_beside(model: Callable[[], Model]) -> None:
-    """Let a second process compile for this model from when this process begins to compile until it ends."""
+    """Start a second process that compiles for this model once this process begins to compile; both end together."""
     from vibroimpact.execution.threads import worker_count
 
     _latest[:] = [model]
@@ -33,27 +33,27 @@ def compile_beside(model: Callable[[], Model]) -> None:
 
 
 def _start() -> None:
-    if not compiling.under_way():  # called at an end
+    if not compiling.under_way():  # called when a compilation ends
         return
     compiling.watching.remove(_start)
-    with suppress(Exception):  # a law of restitution that cannot be handed on, say: this process compiles alone
+    with suppress(Exception):  # such as a law of restitution that cannot be pickled: this process compiles alone
         pickled = pickle.dumps(_latest[0]())
         streams: Any = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "bufsize": 0}
         process = subprocess.Popen([sys.executable, "-P", "-m", __name__], stdin=subprocess.PIPE, **streams)
         _processes.append(process)
-        if process.stdin:  # left open: the other process ends with this one
+        if process.stdin:  # left open: the second process ends when this one does
             process.stdin.write(pickled)
 
 
 def main() -> None:
-    """Compute a little of the model that is handed on, then compile what else may be asked for."""
+    """Compute a little with the model from standard input, then compile other kernels that may be needed."""
     model = pickle.load(sys.stdin.buffer)
     threading.Thread(target=_end_with_the_other, daemon=True).start()
     compiling.SILENT = float("inf")
     import vibroimpact as vi
     from vibroimpact.kernels import claims, deferred
 
-    tried = set(deferred.noted())  # by earlier commands, which may have had no need of them
+    tried = set(deferred.noted())  # noted by earlier commands, which may not have needed them
 
     def compile_next() -> bool:
         new = [part for part in deferred.noted() if part not in tried and deferred.is_general(part)]
@@ -63,7 +63,7 @@ def main() -> None:
         return bool(new)
 
     claims.meanwhile.append(compile_next)
-    with suppress(ValueError):  # a model without a frequency, say
+    with suppress(ValueError):  # such as a model without a frequency
         vi.impact_section(model)
         vi.parameter_map(model, omega=[model.omega], workers=1)
     end = perf_counter() + PATIENCE
@@ -71,7 +71,7 @@ def main() -> None:
         if compile_next():
             end = perf_counter() + PATIENCE
         sleep(0.1)
-    os._exit(0)  # the thread reads on
+    os._exit(0)  # the thread is still reading
 
 
 def _end_with_the_other() -> None:

@@ -9,14 +9,14 @@ import numpy as np
 
 
 class ByValue:
-    """Equal, hashed, shown and pickled by the arguments that make it."""
+    """A value that is compared, hashed, shown and pickled by the arguments of its constructor."""
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the constructor by name."""
         raise NotImplementedError
 
     def plain(self) -> dict[str, Any]:
-        """Return the arguments as numbers, texts, lists and dictionaries."""
+        """Return the arguments as numbers, strings, lists and dictionaries."""
         return {name: _as_json(value) for name, value in self.arguments().items()}
 
     def __eq__(self, other: object) -> bool:
@@ -42,7 +42,7 @@ def _rebuilt(kind: Any, arguments: dict[str, Any]) -> Any:
 
 
 def _as_json(value: Any) -> Any:
-    """Return a value without arrays; of complex ones two, the real and the imaginary parts."""
+    """Return a value with arrays as lists; a complex array as two, the real and the imaginary parts."""
     if isinstance(value, ByValue):
         return value.plain()
     if isinstance(value, Mapping):
@@ -55,7 +55,7 @@ def _as_json(value: Any) -> Any:
 
 
 def _hashable(value: Any) -> Any:
-    """Return a value without arrays and mappings, for comparisons."""
+    """Return a value with arrays and mappings as tuples, for comparisons."""
     if isinstance(value, np.ndarray):
         return value.shape, tuple(value.ravel().tolist())
     if isinstance(value, Mapping):
@@ -64,7 +64,7 @@ def _hashable(value: Any) -> Any:
 
 
 def written(value: Any) -> str:
-    """Return a value as an argument is written, arrays as lists."""
+    """Return a value as it is written in code, arrays as lists."""
     if isinstance(value, np.ndarray):
         return f"[{', '.join(map(written, value.tolist()))}]"
     if isinstance(value, Mapping):

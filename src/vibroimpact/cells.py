@@ -1,4 +1,4 @@
-"""Designs with their starts, as the one table that back ends read."""
+"""Cells: designs with their initial conditions, as the one table that back ends read."""
 
 from __future__ import annotations
 
@@ -19,17 +19,18 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-COUNTABLE = 2.0**53  # periods: the next whole number is the next number
-BEYOND = 1e-12  # of the lengths that a clearance is the sum of: so little beyond a stop is rounding
-FASTEST = 4.0  # of V: the hardest of the impacts that are spread over the impact surface
+COUNTABLE = 2.0**53  # periods, above which floats no longer hold every whole number
+BEYOND = 1e-12  # of the lengths that add up to a clearance: a smaller penetration is rounding
+NOWHERE = 1e-15  # of V over the fastest rate: the same where all these lengths vanish
+FASTEST = 4.0  # of V: the largest velocity of the impacts spread over the impact surface
 
 
 @dataclass(frozen=True)
 class Cells:
-    """One cell per row: the numbers of its design, then its start, in named columns.
+    """One cell per row: the numbers of its design, then its initial condition, in named columns.
 
-    The columns of a start are `clearance`, g - y >= 0 (carried instead of y, which would round it), `velocity` y',
-    and the start time (`periods` + `phase`) T with whole `periods` and 0 <= phase < 1.
+    The columns of an initial condition are `clearance`, g - y >= 0 (stored instead of y, which would round it),
+    `velocity` y', and the time (`periods` + `phase`) T with whole `periods` and 0 <= phase < 1.
 
     Examples
     --------
@@ -39,7 +40,7 @@ class Cells:
     (2, [1.0, 2.0], [0.5, 0.5])
     """
 
-    # Beside n, p and means, what parts the cycles that cells lead to: the closest near-miss.
+    # What distinguishes cycles besides n, p and means: the closest near-miss.
     parting: ClassVar[tuple[str, ...]] = ("grazing_margin",)
 
     table: Floats
@@ -47,7 +48,7 @@ class Cells:
 
     @classmethod
     def of(cls, columns: Mapping[str, Any]) -> Cells:
-        """Return cells from columns of one length, or single numbers."""
+        """Return cells from columns of equal length, or from single numbers."""
         table = np.empty((max(getattr(column, "size", 1) for column in columns.values()), len(columns)))
         for j, column in enumerate(columns.values()):
             table[:, j] = column
@@ -60,30 +61,30 @@ class Cells:
 
     @classmethod
     def join(cls, parts: Sequence[Cells]) -> Cells:
-        """Return the cells of all parts, one behind the other."""
+        """Return the cells of all parts, one after another."""
         return replace(parts[0], table=np.concatenate([part.table for part in parts]))
 
     def __len__(self) -> int:
         return len(self.table)
 
     def copies(self, number: int) -> Self:
-        """Return so many cells like the first one."""
+        """Return `number` copies of the first cell."""
         copies: Self = self[np.zeros(number, np.int64)]  # type: ignore[assignment]
         return copies
 
     @property
     def coordinates(self) -> int:
-        """How many coordinates each cell has, a free centre not counted."""
+        """The number of coordinates of each cell, not counting a free centre."""
         return 1
 
     @property
     def phases(self) -> Floats:
-        """The phases at which cells start, in [0, 1)."""
+        """The phases of the initial conditions, in [0, 1)."""
         return self["phase"]
 
     @property
     def fastest_rate(self) -> Floats:
-        """The driving rate, the natural one, or the fast decay of overdamped motion: steps are as short as it asks."""
+        """The fastest rate in 1/s: driving, natural or the decay of overdamped motion; it limits the step size."""
         stiff, half = self["stiffness"] / self["mass"], 0.5 * self["damping"] / self["mass"]
         over = half * half - stiff
         decay = np.where(over > 0.0, half + np.sqrt(np.maximum(over, 0.0)), 0.0)
@@ -127,10 +128,10 @@ class Cells:
         return Cells(table, self.columns)
 
     def struck(self, numbers: Any) -> Cells:
-        """Return the cells, each from a numbered impact of those spread over its own impact surface.
+        """Return the cells, each starting with one of the numbered impacts that `spread` puts on its impact surface.
 
-        They have the bits of a `State` at the gap with that velocity, at the phase's time. Without a scale (V = 0) the
-        motions are alike at every speed, and 1 m/s stands for V.
+        They equal, bit for bit, a `State` at the gap with that velocity at the time of that phase. Where V = 0, the
+        motion is alike at every speed, and 1 m/s replaces V.
         """
         phase, velocity = spread(numbers)
         scale = self.velocity_scale
@@ -139,18 +140,19 @@ class Cells:
         return self.striking(0, np.where(scale > 0.0, scale, 1.0) * velocity, turns)
 
     def striking(self, stops: Any, velocities: Any, phases: Any) -> Cells:
-        """Return the cells with the stop struck at velocities and phases; all `stops` are number 0."""
+        """Return the cells starting with impacts at these velocities and phases; all `stops` are number 0."""
         return self.replace(**_start(0.0, velocities, phases))
 
     def at(self, displacement: Any, velocity: Any, turns: Any) -> Cells:
-        """Return the cells from coordinates and velocities, a row each or one for all, at times in driving periods."""
+        """Return the cells started from coordinates and velocities, a row each or one for all, at times in periods."""
         y, speed = (np.reshape(part, -1) for part in (displacement, velocity))
         return self.replace(**_start(self["gap"] - y, speed, np.asarray(turns, np.float64)))
 
     def carried(self, displacement: Any, velocity: Any, phases: Any) -> Cells:
-        """Return the cells from states, a row each, at phases; beyond the stop, from rest at it or leaving it.
+        """Return the cells started from states, one row each, at phases.
 
-        What is beyond it by rounding alone is at the stop.
+        A state beyond the stop is moved to it and rests there or leaves; one beyond it by rounding alone keeps its
+        velocity.
         """
         y, speed = (np.reshape(part, -1) for part in (displacement, velocity))
         reach = self.velocity_scale * np.sqrt(self["mass"] / self["stiffness"])  # f/k or |g|
@@ -158,28 +160,28 @@ class Cells:
         return self.at(np.minimum(y, self["gap"]), np.where(passed, np.minimum(speed, 0.0), speed), phases)
 
     def beyond(self) -> Floats:
-        """Return the depth in m of each start beyond the stop, its only column; 0 before it."""
+        """Return the depth in m of each initial condition beyond the stop, as one column; 0 in front of the stop."""
         return np.maximum(-self["clearance"], 0.0)[:, None]
 
     def begun(self, start: State | None) -> Cells:
-        """Return the cells from an initial condition; None leaves them as they are.
+        """Return the cells started from an initial condition; None leaves them as they are.
 
         Raises
         ------
         ValueError
-            It lies beyond the stop of one of them, or so many periods from time 0 that they cannot be counted.
+            The initial condition lies beyond the stop of a cell, or is 2^53 driving periods or more from time 0.
         """
         if start is None:
             return self
         turns = start.time * self["omega"] / (2.0 * np.pi)
-        _check_start(start, self["gap"], turns)
+        _check_start(start, self["gap"], turns, NOWHERE * self.velocity_scale / self.fastest_rate)
         return self.replace(**_start(np.maximum(self["gap"] - start.displacement, 0.0), start.velocity, turns))
 
 
 def spread(numbers: Any, further: int = 0) -> tuple[Floats, ...]:
-    """Return the phases, 0 to 1, and velocities, 0 to 4 of V, of numbered impacts, spread evenly and always the same.
+    """Return the phases, 0 to 1, and velocities, 0 to 4 V, of numbered impacts, spread evenly and always the same.
 
-    Of each of `further` quantities they are followed by its numbers, -1 to 1.
+    They are followed by `further` arrays of numbers from -1 to 1.
 
     Examples
     --------
@@ -194,7 +196,7 @@ def spread(numbers: Any, further: int = 0) -> tuple[Floats, ...]:
 
 @cache
 def _strides(number: int) -> tuple[float, ...]:
-    """Return 1/x, 1/x^2, ... with x^(number + 1) = x + 1: what spreads points most evenly over so many quantities."""
+    """Return 1/x, 1/x^2, ... with x^(number + 1) = x + 1: strides that spread points evenly in `number` dimensions."""
     x = 1.0
     for _ in range(200):
         x = (1.0 + x) ** (1.0 / (number + 1))
@@ -203,21 +205,21 @@ def _strides(number: int) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class Tiling:
-    """A grid of cells cut into equal boxes, those at the far edges smaller."""
+    """A grid of cells cut into equal boxes; those at the far edges may be smaller."""
 
     shape: tuple[int, ...]  # cells along each axis of the grid
-    tile: tuple[int, ...]  # and of a tile
+    tile: tuple[int, ...]  # cells along each axis of a tile
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Tiles along each axis."""
+        """The number of tiles along each axis."""
         return tuple(-(-cells // side) for cells, side in zip(self.shape, self.tile, strict=True))
 
     def __len__(self) -> int:
         return math.prod(self.counts)
 
     def __getitem__(self, number: int) -> tuple[slice, ...]:
-        """Return the place of tile `number`, the last axis fastest."""
+        """Return the slices of tile `number`; the last axis varies fastest."""
         places = []
         for count, side, cells in zip(self.counts[::-1], self.tile[::-1], self.shape[::-1], strict=True):
             number, at = divmod(number, count)
@@ -230,7 +232,7 @@ class Tiling:
 
 
 def cells_at(osc: ImpactOscillator, clearance: Floats, velocity: Floats, turns: Floats) -> Cells:
-    """Return one cell of an oscillator per start, at times in driving periods."""
+    """Return one cell of an oscillator per initial condition, at times in driving periods."""
     return Cells.of(osc.values | _start(clearance, velocity, turns))
 
 
@@ -240,22 +242,23 @@ def _start(clearance: Any, velocity: Any, turns: Floats) -> dict[str, Any]:
 
 
 def check_single(name: str, start: State) -> None:
-    """Refuse an initial condition of several coordinates for one mass."""
+    """Raise if an initial condition of several coordinates is given for one mass."""
     if isinstance(start.displacement, tuple):
         raise invalid(name, start, "a State of one mass", "give its displacement and velocity as numbers, not as lists")
 
 
-def _check_start(start: State, gap: Floats, turns: Floats) -> None:
+def _check_start(start: State, gap: Floats, turns: Floats, nowhere: Floats) -> None:
     check_single("start", start)
     nearest = float(np.min(gap, initial=np.inf))
-    if start.displacement - nearest > BEYOND * (abs(nearest) + abs(start.displacement)):
+    rounding = BEYOND * (abs(nearest) + abs(start.displacement)) + float(np.min(nowhere, initial=np.inf))
+    if start.displacement - nearest > rounding:
         raise ValueError(
             f"`start` must have a displacement of at most the gap, {nearest:g} m here, got {start.displacement!r}; "
-            "start the mass in front of the stop"
+            "place the mass in front of the stop"
         )
     most = float(np.max(np.abs(turns), initial=0.0))
     if not most < COUNTABLE:
         raise ValueError(
-            f"`start` must have a time of less than 2^53 driving periods, beyond which they cannot be counted, got "
-            f"{start.time!r} ({most:.3g} periods); start nearer to time 0"
+            f"`start` must have a time of less than 2^53 driving periods, as floats count no further, got "
+            f"{start.time!r} ({most:.3g} periods); choose a time nearer to 0"
         )

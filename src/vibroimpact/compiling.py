@@ -1,6 +1,6 @@
-"""What is being compiled: announced on the error stream as soon as it begins, since it may take most of a minute.
+"""Announcements of what is being compiled, on the error stream, since it may take most of a minute.
 
-What is compiled is kept for later processes, so that this happens once on a machine.
+Compiled code is kept for later processes, so that each machine compiles it once.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
 
-SILENT = 1.0  # s: what takes less is not announced
+SILENT = 1.0  # s: shorter compilations are not announced
 
-watching: list[Callable[[], None]] = []  # called when something begins to be compiled, and when it is
+watching: list[Callable[[], None]] = []  # called when a compilation begins, and when it ends
 
 _first: list[Callable[[], None]] = []
 _begun: list[tuple[str, float]] = []
@@ -21,7 +21,7 @@ _spent = 0.0
 
 @contextmanager
 def before_compiling(announce: Callable[[], None]) -> Iterator[Callable[[], None]]:
-    """Yield what calls `announce` unless that was called: as soon as something is compiled, or at the end."""
+    """Call `announce` once: when a compilation begins, when the yielded function is called, or at the end."""
     uncalled = [announce]
 
     def once() -> None:
@@ -37,20 +37,20 @@ def before_compiling(announce: Callable[[], None]) -> Iterator[Callable[[], None
 
 
 def begin(what: str, seconds: float, kept: str) -> None:
-    """Say what is compiled from now on, about how long that takes, and whether it is kept."""
+    """Announce a compilation that begins now, its approximate duration, and whether its result is kept."""
     _begun.append((what, perf_counter()))
     if seconds < SILENT or len(_begun) > 1:
         return
     for announce in list(_first):
         announce()
-    # By way of `sys.stderr` as it is now, so that it does not run into a bar.
+    # `sys.stderr` is looked up now, since a progress bar may have replaced it.
     print(f"compiling {what}: about {seconds:.0f} s, {kept}", file=sys.stderr, flush=True)
     for notify in list(watching):
         notify()
 
 
 def end() -> None:
-    """Note that what was begun last is compiled."""
+    """Note that the compilation begun last has ended."""
     global _spent
     _, began = _begun.pop()
     if not _begun:
@@ -60,10 +60,10 @@ def end() -> None:
 
 
 def clock() -> float:
-    """Return the seconds of a clock that stands still while this process compiles: limits and rates go by it."""
+    """Return the time in s of a clock that stops while this process compiles; limits and rates use it."""
     return (_begun[0][1] if _begun else perf_counter()) - _spent
 
 
 def under_way() -> str:
-    """Return the kernel that is being compiled; nothing if none is."""
+    """Return the name of the kernel that is being compiled; an empty string if there is none."""
     return _begun[0][0] if _begun else ""

@@ -1,7 +1,7 @@
-"""Laws of restitution: what part of its speed an impact leaves, as a function of that speed.
+"""Laws of restitution: the ratio of the speeds after and before an impact, as a function of the impact speed.
 
-Each is computed by one plain Python function of a speed, a number and an order, 0 for r and 1 for dr/dv. Here it is
-called as it is; the engine compiles it.
+Each law is one plain Python function of a speed, a number and an order, 0 for r and 1 for dr/dv. Here it is called as
+it is; the engine compiles it.
 
 >>> import vibroimpact as vi
 >>> stop = vi.Stop(direction=1.0, gap=1e-3, restitution=vi.contact.hunt_crossley(damping=0.2))
@@ -28,14 +28,14 @@ from vibroimpact.parameters import Parameter, invalid
 Rule = Callable[[float, float, int], float]
 Compiler = Callable[[Any], Any]
 
-TRIED = np.logspace(-9.0, 2.0, 111)  # speeds in m/s at which a function is tried when it is made a law
-NEAR = 3e-4  # of a speed: the distance of a difference, whose rounding is some 1e-12 of r/v
-SERIES = 0.05  # of D v: below it a power series has the digits that the formula loses
-LAWS: dict[float, Law] = {}  # by their marks, which stand in tables of numbers
+TRIED = np.logspace(-9.0, 2.0, 111)  # speeds in m/s at which a Python function is checked when it becomes a law
+NEAR = 3e-4  # of a speed: the step of the finite difference, whose rounding error is about 1e-12 of r/v
+SERIES = 0.05  # of D v: below it a power series replaces the formula, which loses digits there
+LAWS: dict[float, Law] = {}  # by their marks, which tables of cells hold as numbers
 
 
 class _Formula(NamedTuple):
-    """What computes a law: a rule, made by a compiler and by what reads a table; its number, or r; and its table."""
+    """How a law is computed: a rule, built from a compiler and a table reader; its number; r if constant; its table."""
 
     rule: Callable[[Compiler, Callable[[float, int], float]], Rule]
     number: float = 0.0
@@ -45,15 +45,15 @@ class _Formula(NamedTuple):
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class Law(ByValue):
-    """A law of restitution r(v) of a rigid stop; the functions of `vibroimpact.contact` make it.
+    """A law of restitution r(v) of a rigid stop, made by the functions of `vibroimpact.contact`.
 
-    Called with speeds in m/s (the `velocity` of impacts) it returns r; `slope` returns dr/dv in s/m. Two laws are equal
-    if they are made of equal arguments; Python functions are, if their bytecode, constants and captured values are.
+    Called with speeds in m/s (the `velocity` of impacts), it returns r; `slope` returns dr/dv in s/m. Two laws are
+    equal if their arguments are; Python functions are equal if their bytecode, constants and captured values are.
 
     Raises
     ------
     ValueError
-        A speed is below zero.
+        A speed is negative.
 
     Examples
     --------
@@ -67,8 +67,8 @@ class Law(ByValue):
     kind: str
     given: Mapping[str, Any]
     formula: _Formula
-    code: float  # a mark of what is compiled, a whole number below 2^53
-    mark: float  # and of the law, but for its number
+    code: float  # identifies the compiled code: a whole number below 2^53
+    mark: float  # identifies the law, except for its number
 
     def __init__(self, kind: str, given: Mapping[str, Any]) -> None:
         formula = _MAKERS[kind](**given)
@@ -80,12 +80,12 @@ class Law(ByValue):
 
     @property
     def constant(self) -> float | None:
-        """r, if it is the same at all speeds."""
+        """The value of r if it is the same at all speeds, else None."""
         return self.formula.constant
 
     @property
     def number(self) -> float:
-        """The number that its rule takes."""
+        """The number that is passed to the rule."""
         return self.formula.number
 
     def __call__(self, v: Any) -> Any:
@@ -110,7 +110,7 @@ class Law(ByValue):
         return {"kind": self.kind, "given": dict(self.given)}
 
     def plain(self) -> dict[str, Any]:
-        """Return the law as numbers and texts: of a Python function its name and a table of its values."""
+        """Return the law as numbers and strings; for a Python function, its name and a table of values."""
         if self.kind != "function":
             return {"law": self.kind, **self.given}
         name = getattr(self.given["function"], "__name__", "function")
@@ -133,12 +133,12 @@ def hunt_crossley(*, damping: float) -> Law:
 
     .. math:: D v (1 + r) = \ln\frac{1 + D v}{1 - r D v}
 
-    It falls from 1 at rest, r = 1 - 2 D v/3 + ..., to 1/(D v), whatever k, n and the masses.
+    r falls from 1 at v = 0, as 1 - 2 D v/3 + ..., towards 1/(D v) at high speed, whatever k, n and the masses are.
 
     Parameters
     ----------
     damping : float, >= 0
-        D in s/m. Measured restitutions fall as r = 1 - alpha v at small speeds: D = 3 alpha/2, with alpha from 0.08 to
+        D in s/m. At low speed, measured restitution falls as r = 1 - alpha v, so that D = 3 alpha/2; alpha is 0.08 to
         0.32 s/m for steel, bronze or ivory.
 
     Returns
@@ -149,12 +149,12 @@ def hunt_crossley(*, damping: float) -> Law:
     Raises
     ------
     ValueError
-        D is below zero or no number.
+        D is negative or not a number.
 
     Notes
     -----
-    As r = 1 at rest, bounces under a steady push a die out with rate D a/3, but end at no time (see the page on
-    restitution).
+    Since r tends to 1 at low speed, bounces under a constant acceleration a decay at the rate D a/3, but never end (see
+    the page on restitution).
 
     References
     ----------
@@ -171,17 +171,17 @@ def hunt_crossley(*, damping: float) -> Law:
 
 
 def kelvin_voigt(*, damping_ratio: float) -> Law:
-    r"""Return the restitution of a spring and a damper that let go where their force has fallen to zero.
+    r"""Return the restitution of a spring and damper that separate when their force has fallen to zero.
 
     .. math:: r = \exp\left(-\frac{2 \zeta \arccos \zeta}{\sqrt{1 - \zeta^2}}\right)
 
-    and, by continuation, with arcosh and the root of zeta^2 - 1 above 1. It does not depend on the speed, and is the
-    limit of a stop with `stiffness` as that grows at a fixed damping ratio.
+    and, for zeta > 1, the same with arcosh and the root of zeta^2 - 1. It does not depend on speed. A compliant stop
+    tends to it as its `stiffness` grows at a fixed damping ratio.
 
     Parameters
     ----------
     damping_ratio : float, >= 0
-        zeta = c/(2 sqrt(k m)) of the contact, m the struck mass.
+        zeta = c/(2 sqrt(k m)) of the contact, where m is the mass that hits the stop.
 
     Returns
     -------
@@ -191,12 +191,12 @@ def kelvin_voigt(*, damping_ratio: float) -> Law:
     Raises
     ------
     ValueError
-        The ratio is below zero or no number.
+        The ratio is negative or not a number.
 
     Notes
     -----
-    The force k d + c d' is zero after w_d t = 2 arccos(zeta). The common exp(-pi zeta/sqrt(1 - zeta^2)) ends
-    contact where the penetration is zero: by then the damper pulls.
+    The force k d + c d' reaches zero at w_d t = 2 arccos(zeta). The common formula exp(-pi zeta/sqrt(1 - zeta^2)) ends
+    the contact only at zero penetration, when the damper already pulls.
 
     References
     ----------
@@ -212,20 +212,20 @@ def kelvin_voigt(*, damping_ratio: float) -> Law:
 
 
 def piecewise(speeds: Any, values: Any) -> Law:
-    """Return a measured restitution: a smooth curve through a table, constant outside it.
+    """Return a measured restitution as a smooth curve through a table, constant outside it.
 
     Parameters
     ----------
     speeds : sequence of float, >= 0
         Two or more in m/s, ascending.
     values : sequence of float, 0 to 1
-        r at each of them.
+        r at each speed.
 
     Returns
     -------
     Law
-        r(v) with its derivative: cubics that rise and fall with the table and never beyond it, once continuously
-        differentiable between the first and the last speed.
+        r(v) with its derivative: monotone cubics that do not overshoot the table, continuously differentiable between
+        the first and the last speed.
 
     Raises
     ------
@@ -247,16 +247,16 @@ def piecewise(speeds: Any, values: Any) -> Law:
 
 
 def law_of(value: Any) -> Any:
-    """Return the law that a Python function, or what `Law.plain` returns, stands for; all else as it is.
+    """Return the law that a Python function or the result of `Law.plain` stands for, and other values unchanged.
 
-    A function is one of the speed alone, in Python that numba compiles. Its derivative is a difference, good to 1e-9 of
-    r/v where the function is smooth. From its `plain` form it is found again if it was met before; else the table of
-    its values stands for it.
+    A function takes the speed alone, in Python that numba compiles. Its derivative is a finite difference, accurate to
+    1e-9 of r/v where the function is smooth. A function in `plain` form is found again if this process has seen it
+    before; otherwise, the table of its values replaces it.
 
     Raises
     ------
     ValueError
-        It fails, or returns no number from 0 to 1, at one of 111 speeds from 1e-9 to 100 m/s.
+        The function fails, or does not return a number from 0 to 1, at one of 111 speeds from 1e-9 to 100 m/s.
 
     Examples
     --------
@@ -264,7 +264,7 @@ def law_of(value: Any) -> Any:
     0.6
     >>> law_of(lambda v: 2.0)
     Traceback (most recent call last):
-    ValueError: `restitution` must be from 0 to 1, got 2.0 at a speed of 1e-09 m/s; limit what it returns by min and max
+    ValueError: `restitution` must be between 0 and 1, got 2.0 at a speed of 1e-09 m/s; limit it with min and max
     """
     if isinstance(value, Mapping):
         arguments = {name: entry for name, entry in value.items() if name not in ("law", "mark")}
@@ -316,7 +316,7 @@ def _of_hunt_crossley(v: float, damping: float, order: int) -> float:
 def _kelvin_voigt(damping_ratio: Any) -> _Formula:
     zeta = Parameter("damping_ratio", "damping ratio", low=0.0).check(damping_ratio)
     root = math.sqrt(abs((1.0 - zeta) * (1.0 + zeta)))
-    half = math.atan2(root, zeta) if zeta < 1.0 else math.asinh(root)  # of the contact, times w_d
+    half = math.atan2(root, zeta) if zeta < 1.0 else math.asinh(root)  # half the duration of contact, times w_d
     constant = math.exp(-2.0 * zeta * (half / root if root else 1.0))
     return _Formula(lambda compiled, entry: lambda v, number, order: 0.0 if order else constant, constant=constant)
 
@@ -326,7 +326,7 @@ def _piecewise(speeds: Any, values: Any) -> _Formula:
 
     knots, heights = numbers("speeds", speeds, 1), numbers("values", values, 1)
     if len(knots) != len(heights) or len(knots) < 2:
-        raise ValueError(f"`speeds` and `values` must be as many, at least two, got {len(knots)} and {len(heights)}")
+        raise ValueError(f"`speeds` and `values` must be equally long, at least 2, got {len(knots)} and {len(heights)}")
     if knots[0] < 0.0 or not (np.diff(knots) > 0.0).all():
         raise invalid("speeds", knots.tolist(), "ascending numbers >= 0")
     if heights.min() < 0.0 or heights.max() > 1.0:
@@ -336,7 +336,7 @@ def _piecewise(speeds: Any, values: Any) -> _Formula:
 
 
 def _of_table(compiled: Compiler, entry: Callable[[float, int], float]) -> Rule:
-    """The table: how many speeds, r at the ends, the speeds, then the coefficients of each cubic, its cube first."""
+    """The table holds the number of speeds, r at both ends, the speeds, and each cubic's coefficients, cube first."""
 
     def of_table(v: float, number: float, order: int) -> float:
         last = int(entry(number, 0)) - 1
@@ -363,8 +363,7 @@ def _function(function: Any) -> _Formula:
             raise ValueError(f"`restitution` fails at a speed of {v:.3g} m/s: {error}") from error
         if not 0.0 <= r <= 1.0:
             raise ValueError(
-                f"`restitution` must be from 0 to 1, got {r!r} at a speed of {v:.3g} m/s; "
-                "limit what it returns by min and max"
+                f"`restitution` must be between 0 and 1, got {r!r} at a speed of {v:.3g} m/s; limit it with min and max"
             )
 
     def rule(compiled: Compiler, entry: Any) -> Rule:

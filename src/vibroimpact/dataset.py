@@ -1,4 +1,4 @@
-"""Names, units, symbols and provenance of every result; several curves or branches in one dataset, and back."""
+"""Names, units, symbols and provenance of results; several curves or branches in one dataset, and back."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def label(parameter: Parameter) -> dict[str, str]:
 
 
 def bifurcation_name(kind: str) -> str:
-    """Return a kind of special points or boundaries in words.
+    """Return the words for a kind of special point or boundary.
 
     Examples
     --------
@@ -63,16 +63,16 @@ def bifurcation_name(kind: str) -> str:
 
 
 def variable(name: str, dims: str | Sequence[str], data: Any, **attrs: Any) -> xr.Variable:
-    """Return `data` labelled with the long name, unit and symbol that the name stands for."""
+    """Return `data` labelled with the long name, unit and symbol of this name."""
     long_name, units, symbol = VARIABLES[name]
     return plain_variable(dims, data, {"long_name": long_name, "units": units, "symbol": symbol, **attrs})
 
 
 def plain_variable(dims: str | Sequence[str], data: Any, attrs: dict[str, Any]) -> xr.Variable:
     """Return an array of numbers with its attributes."""
-    import xarray as xr  # a third of a second, which verdicts need not wait
+    import xarray as xr  # takes a third of a second, which verdicts do not need
 
-    # Without `fastpath`, xarray asks whether the array is one of Dask's, and imports Dask for that.
+    # Without `fastpath`, xarray imports Dask to check whether the array is one of Dask's.
     return xr.Variable(dims, np.asarray(data), attrs, fastpath=True)
 
 
@@ -82,7 +82,7 @@ def dataset_of(variables: Mapping[str, Any] | None = None, coords: Any = None, a
     from pandas import Index
 
     def indexed(name: str, column: Any) -> Any:
-        """Return an axis of numbers as xarray holds it; it would import Dask and pint to ask if it is one of theirs."""
+        """Return an axis of numbers as xarray stores it; xarray itself would import Dask and pint to check its type."""
         if not isinstance(column, xr.Variable) or column.dims != (name,) or column.dtype.kind not in "iuf":
             return column
         return xr.IndexVariable(name, Index(column.values), column.attrs, fastpath=True)
@@ -91,7 +91,7 @@ def dataset_of(variables: Mapping[str, Any] | None = None, coords: Any = None, a
 
 
 def missing(index: str, shape: int | tuple[int, ...]) -> NDArray[Any]:
-    """Return an array of an index that has no value yet anywhere."""
+    """Return an array of missing values of an index."""
     return np.full(shape, EVERY[index].fill, EVERY[index].dtype)
 
 
@@ -131,10 +131,10 @@ def package_version() -> str:
 
 
 def provenance(function: str, model: Model, arguments: Mapping[str, Any]) -> dict[str, str]:
-    """Return attributes that say which call, on which model, by which version made a result.
+    """Return the attributes that record the call, the model and the version that made a result.
 
-    Of a family they hold its own parameters (`model`) and the oscillator that these make; `initial_condition` says in
-    words from where the motions were followed.
+    For a family, they hold its own parameters (`model`) and the oscillator made from them; `initial_condition`
+    describes the initial conditions in words.
     """
     design = model.at()
     family = {} if model is design else {"model": json.dumps({"family": str(model), **model.values})}
@@ -151,7 +151,7 @@ def provenance(function: str, model: Model, arguments: Mapping[str, Any]) -> dic
 
 
 def _initial_condition(start: Any, rest: str) -> str:
-    """Return in words from which initial conditions a result was computed; None is at `rest`."""
+    """Return the initial conditions of a result in words; None means `rest`."""
     if isinstance(start, int):
         scale = "max(f, k|g|)/sqrt(k m)" if rest == ImpactOscillator.at_rest else "V, on all stops in turn"
         others = f"{start - 1} impacts at phases 0 to 1 and velocities 0 to {FASTEST:g} {scale}"
@@ -166,7 +166,7 @@ def _initial_condition(start: Any, rest: str) -> str:
 
 
 def start_of(dataset: xr.Dataset) -> State | None:
-    """Return the initial condition of one motion; None is at rest."""
+    """Return the initial condition of one motion; None means at rest."""
     start = json.loads(dataset.attrs["arguments"])["start"]
     if start is None:
         return None
@@ -175,7 +175,7 @@ def start_of(dataset: xr.Dataset) -> State | None:
 
 
 def model_of(dataset: xr.Dataset) -> ImpactOscillator | ImpactSystem:
-    """Return the oscillator or the system a result was made from (axes of a sweep stand at their reference value)."""
+    """Return the oscillator or the system that a result was made from, with the axes of a sweep at reference values."""
     name = "oscillator" if "oscillator" in dataset.attrs else "system"
     plain = json.loads(dataset.attrs[name])
     if ("stops" in plain) != (name == "system"):
@@ -184,7 +184,7 @@ def model_of(dataset: xr.Dataset) -> ImpactOscillator | ImpactSystem:
 
 
 def model_from(plain: dict[str, Any]) -> ImpactOscillator | ImpactSystem:
-    """Return the oscillator or the system whose plain numbers these are."""
+    """Return the oscillator or the system with these plain numbers."""
     if "stops" not in plain:
         return ImpactOscillator(**plain)
 
@@ -197,7 +197,7 @@ def model_from(plain: dict[str, Any]) -> ImpactOscillator | ImpactSystem:
 
 
 def check_attributes(dataset: xr.Dataset) -> None:
-    """Raise `ValueError` where an attribute that this package reads is of another kind than it writes."""
+    """Raise `ValueError` if an attribute that this package reads is not of the type that it writes."""
     for name, value in dataset.attrs.items():
         if name in _ENCODED and not _encodes(value, _ENCODED[name]):
             raise ValueError(f"its attribute {name!r} is damaged")
@@ -216,7 +216,7 @@ def check_attributes(dataset: xr.Dataset) -> None:
 
 
 def _encodes(value: Any, kind: type) -> bool:
-    """Whether an attribute is JSON of this kind, or text."""
+    """Return whether an attribute is text, or JSON of this type."""
     if not isinstance(value, str) or kind is str:
         return isinstance(value, kind)
     try:
@@ -226,10 +226,10 @@ def _encodes(value: Any, kind: type) -> bool:
 
 
 _LABELS = ("long_name", "units", "symbol", "flag_meanings")
-_BUNDLES = {"boundary_curves": "curve", "continue_orbit": "branch"}  # the name of each function's results
-_LAID_OUT = ("point", "special")  # dims along which the parts follow one another
+_BUNDLES = {"boundary_curves": "curve", "continue_orbit": "branch"}  # the name of one result of each function
+_LAID_OUT = ("point", "special")  # dims along which the parts are concatenated
 ENDS = ("outcome", "message", "arguments")  # attributes of each part, kept as lists
-# Attributes that are read again: text, or what text in JSON encodes.
+# Attributes that are read back: text, or the type that their JSON encodes.
 _ENCODED: dict[Any, type] = {
     **dict.fromkeys(("function", "initial_condition", "filled_in", "message"), str),
     **dict.fromkeys(("oscillator", "system", "arguments", "model"), dict),
@@ -241,9 +241,9 @@ _ENCODED: dict[Any, type] = {
 def bundle(parts: Sequence[xr.Dataset], function: str, provenance: Mapping[str, str]) -> xr.Dataset:
     """Return one dataset of several curves of `boundary_curves` in a plane, or branches of `continue_orbit`.
 
-    Variables run over `point` (and `special`), with the number of each point's part in `curve` or `branch`; those of a
-    whole part over `curve_id` or `branch_id`. Rows of impacts are padded with NaN to the longest; `count` is their
-    number.
+    Variables run over `point` (and `special`), and `curve` or `branch` numbers the part of each point. Variables of
+    whole parts run over `curve_id` or `branch_id`. Rows of impacts are padded with NaN to the longest; `count` is the
+    number of impacts.
 
     Examples
     --------
@@ -267,7 +267,7 @@ def bundle(parts: Sequence[xr.Dataset], function: str, provenance: Mapping[str, 
 
 
 def _in_a_row(parts: Sequence[xr.Dataset], dim: str, name: str) -> dict[str, Any]:
-    """Return the variables along `dim`, the parts one after another, and the number of each entry's part."""
+    """Return the variables along `dim`, the parts one after another, with the number of each entry's part."""
     keys = [str(key) for key, variable in parts[0].variables.items() if dim in variable.dims]
     join: Any = type(parts[0][keys[0]].variable).concat
     rows = {key: join([part[key].variable for part in parts], dim) for key in keys}
@@ -280,7 +280,7 @@ def _in_a_row(parts: Sequence[xr.Dataset], dim: str, name: str) -> dict[str, Any
 
 
 def _of_each(parts: Sequence[xr.Dataset], dim: str) -> dict[str, Any]:
-    """Return the variables of whole parts, over the parts."""
+    """Return the variables that have one value per part."""
     names = {"n_periods": "driving periods in a cycle", "n_impacts": "impacts in a cycle", dim: "number"}
     columns = {
         str(key): plain_variable(dim, np.array([part[key].item() for part in parts], variable.dtype), variable.attrs)
@@ -298,7 +298,7 @@ def _owner(dim: str, name: str) -> str:
 
 
 def unbundle(dataset: xr.Dataset) -> list[xr.Dataset]:
-    """Return the curves or branches that a dataset holds, each as it was; a single one is returned as it is."""
+    """Return the curves or branches in a dataset, as they were before `bundle`; a single one is returned unchanged."""
     name = next((name for name in _BUNDLES.values() if f"{name}_id" in dataset.dims), None)
     if name is None:
         return [_in_order(dataset)]
@@ -318,7 +318,7 @@ def unbundle(dataset: xr.Dataset) -> list[xr.Dataset]:
 
 
 def _in_order(part: xr.Dataset) -> xr.Dataset:
-    """Return a curve with its plane's parameters in the order given; stores put them into that of the alphabet."""
+    """Return a curve with its plane's parameters in the order given; stores sort them alphabetically."""
     names = json.loads(part.attrs.get("arguments", "{}")).get("parameters", ())
     plane = [name for name in names if name in part.coords]
     return part.drop_vars(plane).assign_coords({name: part[name].variable for name in plane})

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 
 SECTIONS = ("impact", "stroboscopic")
 DIRECTIONS = ("fresh", "up", "down")
-# Values sampled at once, at least and at most: lanes are full, and progress is heard. Of long windows there are fewer,
-# no more than have AT_ONCE impacts or periods together, so that they are soon done and fit into memory.
+# Values sampled at once, at least and at most: enough to fill the lanes, and few enough to report progress. For long
+# windows there are fewer: together no more than AT_ONCE impacts or periods, so that they end soon and fit into memory.
 FEW, MANY, AT_ONCE = 32, 64, 400_000
 
 
@@ -60,56 +60,57 @@ def bifurcation_diagram(
     progress: bool | Report = False,
     **axis: ArrayLike,
 ) -> xr.Dataset:
-    """Return a section's points over one parameter (the paper's bifurcation diagrams).
+    """Return the points of a section over one parameter (the paper's bifurcation diagrams).
 
     Parameters
     ----------
     osc : ImpactOscillator, ImpactSystem or family
         The parameters that the axis does not vary.
     section : {"impact", "stroboscopic"}
-        Velocities and phases at impacts, or displacement and velocity once a period.
+        Velocities and phases at impacts, or displacement and velocity once per period.
     direction : {"fresh", "up", "down"}
-        Start every value anew, or go up or down the axis and start each where the one before ended: clearance to the
-        stop, velocity and phase are carried along, which shows hysteresis. For systems, coordinates, velocities and
-        phase are; where the next value's stops lie in the way, it starts from the nearest position before them.
+        "fresh" takes the same initial condition for every value. "up" and "down" go along the axis and continue each
+        value from the state at which the one before ended, which shows hysteresis. That state is clearance, velocity
+        and phase, or for systems coordinates, velocities and phase. If the next value's stops are in the way, the
+        motion continues from the nearest position in front of them.
     backend, time_step, tolerances
-        As of `simulate`.
+        As in `simulate`.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
-        Impacts left out, then kept (section "impact").
+        Impacts to skip, then to keep (section "impact").
     phase, transient_periods, sample_periods
-        As of `stroboscopic_section` (section "stroboscopic").
+        As in `stroboscopic_section` (section "stroboscopic").
     indices : names
-        Indices of `parameter_map` to compute of each value too, over `transient_impacts` and `sample_impacts` from the
-        same initial condition; none by default.
+        Indices of `parameter_map` to compute for each value as well, over `transient_impacts` and `sample_impacts` from
+        the same initial condition; none by default.
     start : State, optional
-        Initial condition of every value, or of the first one; None is at rest at min(0, gap) at time 0.
+        Initial condition of every value ("fresh") or of the first one; None means at rest at min(0, gap) at time 0.
     coordinate : int, >= 0
-        For systems, which coordinate is given (section "stroboscopic"); 0 is the first.
+        For systems, the coordinate to return (section "stroboscopic"); 0 is the first.
     workers : int, optional
-        Threads for fresh starts; None is one a core. A carried state leaves nothing to share.
+        Threads for direction "fresh"; None means one per core. The other directions use one thread.
     progress : bool or callable
         True shows a bar; a callable gets (values done, values in all, Dataset so far) and stops the sweep by returning
         False.
     **axis : sequence of numbers
-        Exactly one parameter with strictly increasing values; `frequency` in Hz may stand for `omega`.
+        Exactly one parameter with strictly increasing values; `frequency` in Hz may replace `omega`.
 
     Returns
     -------
     xarray.Dataset
         Dims (axis, `impact`) with `velocity` (m/s, before contact) and `phase`, or (axis, `period`) with `displacement`
-        (m) and `velocity` (m/s); NaN-padded, with `count`, `status` and the `indices` over the axis. Impacts of a
-        system have the number of their `stop`, too, whose names are the flag meanings.
+        (m) and `velocity` (m/s); NaN-padded, with `count`, `status` and the `indices` over the axis. For systems,
+        `stop` is the number of the stop hit; its flag meanings are the names of the stops.
 
     Raises
     ------
     ValueError
-        Not exactly one axis, or one that is empty, unsorted, misnamed or out of range; an unknown section, direction or
-        back end; a start beyond the stop; more samples than fit into memory.
+        There is not exactly one axis, or it is empty, unsorted, misnamed or out of range; the section, direction or
+        back end is unknown; the initial condition lies beyond the stop; the samples do not fit into memory.
 
     Notes
     -----
-    A carried state that could not be followed to the end (`budget`) is replaced by a fresh start at the next value.
-    Fresh starts are followed side by side, at about 0.15 microseconds an impact and core; a carried state takes 0.7.
+    If a motion could not be followed to the end (`budget`), the next value begins at `start` again. Direction "fresh"
+    follows many values at once, at about 0.15 microseconds per impact and core; the others take 0.7.
 
     References
     ----------
@@ -129,7 +130,7 @@ def bifurcation_diagram(
     axes = check_axes(axis, osc.parameters)
     if len(axes) != 1:
         got = ", ".join(f"`{name}`" for name in axes) or "no axis"
-        raise ValueError(f"one axis is needed, such as `omega`, got {got}; use parameter_map for more")
+        raise ValueError(f"give exactly one axis, such as `omega`, got {got}; use parameter_map for more")
     sampling = Sampling(transient_impacts, sample_impacts, transient_periods, sample_periods)
     impacts = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     window: ImpactWindow | StroboscopicWindow = impacts
@@ -147,7 +148,7 @@ def bifurcation_diagram(
     request = Request(osc, axes, measurement, one_start(start), engine.sampler, time_step)
     cells = request.cells()
     total = len(cells) * window.keep
-    hint = f"take fewer points, or smaller `sample_{_along(section)}s`"
+    hint = f"use fewer points, or smaller `sample_{_along(section)}s`"
     check_fits("axes", f"hold {len(cells):,} values, {total:,} samples, which take", 16 * total, hint)
     what = f"hold {len(cells):,} values of {_length(window):,} {_along(section)}s each, which take"
     check_steps("axes", what, len(cells) * _length(window), COSTLY)
@@ -178,7 +179,7 @@ def bifurcation_diagram(
             if not stop.is_set() and report(len(finished), len(cells), dataset) is False:
                 stop.set()
     if chosen and finished:
-        # Each value that has its section gets its indices, in a stopped diagram too: nothing stops this sweep.
+        # Every value that has its section gets its indices, even in a stopped diagram: this sweep is not stopped.
         rows, measured = np.array(finished), replace(measurement, window=impacts)
         for which, result in run_sweep(engine, cells[rows], measured, threads, Event()):
             for name in chosen:
@@ -191,7 +192,7 @@ def _along(section: str) -> str:
 
 
 def _length(window: ImpactWindow | StroboscopicWindow) -> int:
-    """Return the impacts or periods of a window, those left out among them."""
+    """Return the number of impacts or periods of a window, including the skipped ones."""
     return window.keep + (window.transient if isinstance(window, ImpactWindow) else window.skip_periods)
 
 
@@ -207,7 +208,7 @@ def _fresh(
 def _carried(
     engine: Backend, cells: Cells, measurement: Measurement, stop: Event, *, upward: bool
 ) -> Iterator[tuple[int, Any]]:
-    """Yield each value's samples; `cells` then hold the initial conditions carried along."""
+    """Yield each value's samples, and write the initial conditions that are carried along into `cells`."""
     order = range(len(cells)) if upward else range(len(cells) - 1, -1, -1)
     before: Any = None
     for at in order:

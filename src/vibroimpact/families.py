@@ -1,8 +1,9 @@
-"""Models made of any function of named numbers: tied parameters, other units, forces that grow with speed."""
+"""Models made from any function of named numbers: linked parameters, other units, forces that grow with speed."""
 
 from __future__ import annotations
 
 import inspect
+import re
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -22,10 +23,10 @@ from vibroimpact.parameters import Parameter, invalid, unknown
 
 
 class Family:
-    """A function of named numbers that returns a model, as a model with those numbers for parameters.
+    """A model made from a function of named numbers, which are its parameters.
 
-    `family` makes one. Called, it returns what the function returns; whatever takes an oscillator takes it, at the
-    values of its parameters, and with any of them as axes.
+    `family` makes one. Calling it returns what the function returns. Every function that takes an oscillator takes a
+    family, at the values of its parameters and with any of them as axes.
     """
 
     def __init__(self, function: Callable[..., Any], parameters: Mapping[str, Parameter], values: dict[str, float]):
@@ -35,6 +36,13 @@ class Family:
     def __call__(self, **values: float) -> Any:
         """Return the result of the function."""
         return self.function(**self.values | self._checked(values))
+
+    def __getattr__(self, name: str) -> float:
+        """Return the value of a parameter that follows another, and was not given."""
+        parameter = self.__dict__.get("parameters", {}).get(name)
+        if parameter is None or not parameter.follows:
+            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+        return float(self.values.get(name, self.values[parameter.follows]))
 
     def __repr__(self) -> str:
         return f"{self.__name__}({', '.join(f'{name}={value!r}' for name, value in self.values.items())})"
@@ -49,7 +57,7 @@ class Family:
         return hash((self.function, *self.values.values()))
 
     def __reduce__(self) -> Any:
-        """Travel by name where the name stands for this family, as functions do; else with the function."""
+        """Pickle by name if the name refers to this family, as functions do; otherwise, with the function."""
         home = sys.modules.get(self.function.__module__)
         named = getattr(home, self.function.__qualname__, None)
         if isinstance(named, Family) and named.function is self.function:
@@ -61,13 +69,13 @@ class Family:
         return Family(self.function, self.parameters, self.values | self._checked(changes))
 
     def at(self, **values: float) -> Any:
-        """Return the oscillator or system that the function makes of its parameters, some of them changed."""
+        """Return the oscillator or system that the function makes from its parameters, some of them changed."""
         arguments = self.values | self._checked(values)
         try:
             model = self.function(**arguments)
         except Exception as error:
             where = ", ".join(f"{name}={value:g}" for name, value in arguments.items())
-            clear = isinstance(error, (ValueError, ArithmeticError, ImportError))  # by their text alone
+            clear = isinstance(error, (ValueError, ArithmeticError, ImportError))  # their text is enough
             words = error if clear else f"{type(error).__name__}: {error}"
             raise ValueError(f"{self} fails at {where}: {words}{self._place(error)}") from error
         if not is_model(model):
@@ -76,14 +84,14 @@ class Family:
         return model.at()
 
     def _place(self, error: BaseException | None = None) -> str:
-        """Return the file and line of the function, or of what failed in its file; nothing of ready-made models."""
+        """Return the file and line of the function, or of the error in its file; nothing for ready-made models."""
         code = getattr(inspect.unwrap(self.function), "__code__", None)
         if code is None or self.function.__module__.startswith("vibroimpact."):
             return ""
         return f" ({_line_in(code.co_filename, error) or f'{Path(code.co_filename).name}, line {code.co_firstlineno}'})"
 
     def cells(self, points: Mapping[str, Any], start: State | None = None) -> Cells:
-        """Return one cell per point: the function is called at each of them."""
+        """Return one cell per point; the function is called at each of them."""
         check_names(self.parameters, points)
         rows = zip(*(np.asarray(values, np.float64).tolist() for values in points.values()), strict=True)
         designs = (self.at(**dict(zip(points, row, strict=True))) for row in rows) if points else iter([self.at()])
@@ -97,10 +105,10 @@ class Family:
 
 
 def _of_one_kind(designs: Iterable[Any], kind: str) -> Iterator[Any]:
-    """Yield designs, or refuse those that no table holds together with others."""
+    """Yield designs; raise if they are of two kinds, which no table holds together."""
     for design in designs:
         if design.kind != kind:
-            raise ValueError("all models of one family must be oscillators, or all systems; these are both")
+            raise ValueError("a family must return either oscillators or systems, but this one returns both")
         yield design
 
 
@@ -118,32 +126,31 @@ def family(*, units: Mapping[str, str]) -> Callable[[Callable[..., Any]], Family
 
 
 def family(function: Callable[..., Any] | None = None, /, *, units: Mapping[str, str] | None = None) -> Any:
-    """Make a model of a function of named numbers that returns a model.
+    """Make a model from a function of named numbers that returns a model.
 
     Parameters
     ----------
     function : callable
         Takes numbers by name, each with a default, and returns an `ImpactOscillator`, an `ImpactSystem` or another
-        family's model. It is called once per design, some microseconds each, and must always return the same for
-        the same numbers.
+        family's model. It is called once per design, which takes some microseconds, and must always return the same
+        model for the same numbers. An argument annotated as `int` takes whole numbers only.
     units : mapping of str to str, optional
         Units of parameters, for axes and tables: ``@family(units={"rpm": "1/min"})``.
 
     Returns
     -------
     Family
-        A model: its parameters are those of the function, whose defaults are their values. A function with a table
-        `parameters`, as those of `vibroimpact.models` have, gives their units and ranges.
+        A model whose parameters are those of the function, with its defaults as values. If the function has a table
+        `parameters`, as those of `vibroimpact.models` do, it gives their units and ranges.
 
     Raises
     ------
     ValueError
-        A parameter has no number for a default, or `units` names one that is none.
+        The default of a parameter is not a number, or `units` has a name that is not a parameter.
 
     Notes
     -----
-    Stores of a family are recognised by the numbers that it makes, not by its name: a changed function is another
-    study.
+    A store recognises a family by the numbers that it makes, not by its name: a changed function is another study.
 
     Examples
     --------
@@ -167,14 +174,16 @@ def _family(function: Callable[..., Any], units: Mapping[str, str]) -> Family:
     if not callable(function):
         raise invalid("function", function, "a function of named numbers that returns a model")
     parameters, values = {}, {}
-    table: Mapping[str, Parameter] = getattr(function, "parameters", {})  # of ready-made models
+    table: Mapping[str, Parameter] = getattr(function, "parameters", {})  # ready-made models have one
     for name, argument in inspect.signature(function).parameters.items():
         named = argument.kind in (argument.POSITIONAL_OR_KEYWORD, argument.KEYWORD_ONLY)
         if not named or argument.default is argument.empty:
-            raise ValueError(f"`{name}` of {function.__name__} needs a number for a default, like {name}=1.0")
+            raise ValueError(f"`{name}` of {function.__name__} needs a number as its default, such as {name}=1.0")
         usual = table.get(name) or Parameter(name, name.replace("_", " "), symbol=name)
-        parameters[name] = replace(usual, unit=units.get(name, usual.unit))
-        values[name] = parameters[name].check(argument.default)
+        counts = usual.whole or argument.annotation in (int, "int")
+        parameters[name] = replace(usual, unit=units.get(name, usual.unit), whole=counts)
+        if argument.default is not None or not usual.follows:
+            values[name] = parameters[name].check(argument.default)
     check_names(parameters, units)
     model = Family(function, parameters, values)
     check_model(model)
@@ -187,19 +196,21 @@ def _family(function: Callable[..., Any], units: Mapping[str, str]) -> Family:
 def load_model(place: Any) -> Model:
     """Return the model or family NAME of `FILE.py:NAME`, or a ready-made one by its name.
 
-    The file is run. It may import what lies beside it.
+    The file is run. It may import modules from its own folder.
 
     Raises
     ------
     ValueError
-        The file cannot be run, or NAME is no model; the message names the line.
+        The file cannot be run, or NAME is not a model; the message gives the line.
     """
-    if str(place).isidentifier():
+    if not re.search(r"[.:/\\]", str(place)):
         return ready_made(str(place))
-    file, _, name = str(place).rpartition(":")
+    file, name = str(place), ""
+    if not file.endswith(".py"):
+        file, _, name = file.rpartition(":")
     path = Path(file)
-    if not (file.endswith(".py") and name.isidentifier()):
-        raise invalid("model", place, "FILE.py:NAME such as tube.py:shaker", "or name a ready-made one: bouncing_ball")
+    if not file.endswith(".py") or (name and not name.isidentifier()):
+        raise invalid("model", place, "FILE.py:NAME, as in tube.py:shaker, or a ready-made model, as in bouncing_ball")
     if not path.is_file():
         raise ValueError(f"`model` {place!r} cannot be loaded; there is no file {file!r}")
     spec: Any = spec_from_file_location(path.stem, path)
@@ -216,8 +227,11 @@ def load_model(place: Any) -> Model:
 
 
 def _model_in(module: Any, name: str, place: Any) -> Model:
-    """Return the model of that name in a module, once it has been made at its own values."""
+    """Return the model of that name in a module, after making it once at its own values."""
     models = {key: value for key, value in vars(module).items() if is_model(value)}
+    if not name and models:
+        file = str(place).removesuffix(":")
+        raise ValueError(f"`model` must name a model of {file}: {' or '.join(f'{file}:{each}' for each in models)}")
     candidate = vars(module).get(name)
     if name not in models:
         code = getattr(candidate, "__code__", None)
@@ -234,7 +248,7 @@ def _model_in(module: Any, name: str, place: Any) -> Model:
 
 
 def _line_in(file: str, error: BaseException | None) -> str:
-    """Return the last line of a file at which an error came up, as "tube.py, line 12"; "" where it has none."""
+    """Return the last line of a file in the traceback of an error, as "tube.py, line 12"; "" if there is none."""
     if error is None:
         return ""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == Path(file)]
@@ -248,5 +262,5 @@ def ready_made(name: str) -> Family:
     from vibroimpact import models
 
     if name not in models.__all__:
-        raise unknown("model", name, models.__all__, "or give FILE.py:NAME")
+        raise unknown("model", name, models.__all__, "or give FILE.py:NAME for a model of your own")
     return _family(getattr(models, name), {})

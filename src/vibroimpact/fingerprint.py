@@ -1,4 +1,4 @@
-"""What a Python function does, as a short text: another one where its code or a number that it uses is changed."""
+"""A short text that identifies what a Python function does: it changes with the code and the numbers it uses."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any
 def fingerprint(function: Any) -> str:
     """Return a text that two functions share only if they have the same bytecode, constants and captured values.
 
-    Functions that it calls count, as do defaults; names, comments and places in a file do not. Another version of
-    Python writes other bytecode.
+    Functions that it calls count, and so do defaults; names, comments and positions in a file do not. Another version
+    of Python produces other bytecode.
 
     Examples
     --------
@@ -24,8 +24,8 @@ def fingerprint(function: Any) -> str:
 
 
 def _parts(value: Any, above: tuple[Any, ...]) -> Iterator[Any]:
-    """Yield what a value is made of as texts and numbers; `above` are the functions that it is part of."""
-    value = getattr(value, "py_func", value)  # of one that numba has compiled
+    """Yield the parts of a value as strings and numbers; `above` are the functions that contain it."""
+    value = getattr(value, "py_func", value)  # the function that numba has compiled
     if isinstance(value, CodeType):
         yield value.co_code, value.co_names, value.co_varnames
         for constant in value.co_consts:
@@ -46,6 +46,6 @@ def _parts(value: Any, above: tuple[Any, ...]) -> Iterator[Any]:
 
 
 def _names(code: CodeType) -> list[str]:
-    """Return the names that code and the code within it look up."""
+    """Return the names that a code object, and those inside it, look up."""
     inner = [name for part in code.co_consts if isinstance(part, CodeType) for name in _names(part)]
     return [*code.co_names, *inner]

@@ -10,10 +10,10 @@ from vibroimpact.parameters import invalid, several, unknown
 
 @dataclass(frozen=True)
 class Index:
-    """One number that sums up a motion: its name in datasets, its words, unit, type and missing value.
+    """One number that characterises a motion: its name in datasets, long name, unit, symbol, type and missing value.
 
-    One `from_velocities` follows from sums over the impact velocities; others need a tangent vector, phases and
-    near-misses too.
+    Those with `from_velocities` follow from sums over the impact velocities; the others also need a tangent vector,
+    phases and near-misses.
     """
 
     name: str
@@ -45,7 +45,7 @@ INDICES: dict[str, Index] = {
 }
 
 
-# What only systems have: forces of their stops.
+# Those that only systems have: forces of their stops.
 FORCES: dict[str, Index] = {
     index.name: index
     for index in (
@@ -59,27 +59,27 @@ EVERY = INDICES | FORCES
 
 VELOCITY_INDICES = frozenset(name for name, index in INDICES.items() if index.from_velocities)
 
-ROUNDING = 1e-9  # of what it is a part of: a spread this small is that of a cycle, by rounding
+ROUNDING = 1e-9  # relative to the scale: a smaller spread is rounding, and the motion is a cycle
 
 
 def spread_scale(index: str, speed: float) -> float:
-    """Return the scale of which an index that is a spread is a part, speeds being some `speed`; 0 for other indices."""
+    """Return the scale of an index that is a spread, for impact velocities of about `speed`; 0 for other indices."""
     return {"std": speed, "impact_phase_spread": 1.0}.get(index, 0.0)
 
 
 def shown_spread(spread: float, scale: float) -> float:
-    """Return a spread as it is shown: 0 where it is only rounding of what spreads."""
+    """Return a spread as it is shown: 0 if it is only rounding."""
     return 0.0 if abs(spread) <= ROUNDING * scale else spread
 
 
 def check_indices(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the names of indices as a tuple, or raise `ValueError` naming the table."""
-    chosen = several("indices", names, f"names out of {', '.join(EVERY)}")
+    """Return the names of indices as a tuple; raise `ValueError` with all names if one is unknown."""
+    chosen = several("indices", names, f"one or more of {', '.join(EVERY)}")
     if not chosen:
-        raise invalid("indices", names, f"names out of {', '.join(EVERY)}", "write for example ('std',)")
+        raise invalid("indices", names, f"one or more of {', '.join(EVERY)}", "write for example ('std',)")
     for name in chosen:
         if not isinstance(name, str) or name not in EVERY:
             raise unknown("index", name, EVERY)
     if len(set(chosen)) < len(chosen):
-        raise invalid("indices", chosen, "each index once")
+        raise invalid("indices", chosen, "distinct names")
     return chosen

@@ -1,4 +1,4 @@
-"""What motions are labelled with: times, impacts and rests, and the coordinates and stops where these have names."""
+"""Labels of motions: times, impacts and rests, and the names of coordinates and stops."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def in_seconds(model: Any, periods: Any, phase: Any) -> Any:
 
 
 def trajectory_of(samples: Any, model: Any) -> dict[str, xr.Variable]:
-    """Return the variables of `simulate` but its status: coordinates and clearances over time, impacts and rests."""
+    """Return the variables of `simulate` except its status: coordinates and clearances over time, impacts and rests."""
     dims = ("time", "coordinate")[: samples.look_displacement.ndim]
     motion = {
         "time": variable("time", "time", in_seconds(model, samples.look_periods, samples.look_phase)),
@@ -51,7 +51,7 @@ def trajectory_of(samples: Any, model: Any) -> dict[str, xr.Variable]:
 
 
 def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str]) -> xr.Dataset:
-    """Return the impacts that a window saw, as `impact_section` does: when, at which phase, which stop and how hard."""
+    """Return the impacts in a window, as `impact_section` does: their times, phases, stops and velocities."""
     columns = {
         "time": variable("time", "impact", in_seconds(model, samples.impact_periods, samples.impact_phase)),
         "phase": variable("phase", "impact", samples.impact_phase),
@@ -69,12 +69,12 @@ def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str]) -> xr.Data
 
 
 def _is_plain(samples: Any) -> bool:
-    """Return whether displacements are numbers, of one mass with one stop, neither of which needs a name."""
+    """Return whether displacements are plain numbers: one mass with one stop, neither of which needs a name."""
     return bool(np.ndim(samples.look_displacement) == 1)
 
 
 def _contacts(system: ImpactSystem, samples: Any) -> dict[str, Any]:
-    """Return what is reported of every contact, by whatever kinds of stops there are."""
+    """Return the quantities that stops of these kinds report for every contact."""
     names = dict.fromkeys([*Element.reports, *(name for stop in system.stops for name in stop.element.reports)])
     return {name: variable(name, "impact", getattr(samples, REPORTS[name].field)) for name in names}
 
@@ -95,7 +95,7 @@ def _stops(system: ImpactSystem, dim: str, numbers: Any, long_name: str) -> Any:
 
 
 def _forces(system: ImpactSystem, samples: Any, clearances: Any) -> dict[str, Any]:
-    """Return the forces of all stops at the looks, NaN of those whose impacts take no time."""
+    """Return the forces of all stops at the sampled times; NaN for stops whose impacts take no time."""
     if all(stop.element.instantaneous for stop in system.stops):
         return {}
     forces, angle = [], 2.0 * np.pi * samples.look_phase
@@ -106,7 +106,7 @@ def _forces(system: ImpactSystem, samples: Any, clearances: Any) -> dict[str, An
 
 
 def _clearances(system: ImpactSystem, samples: Any) -> Any:
-    """Return the clearances of all stops at the looks; rounding beyond a stop is contact."""
+    """Return the clearances of all stops at the sampled times; a penetration of rounding size is contact."""
     angle = 2.0 * np.pi * samples.look_phase
     clearances = np.empty((len(angle), len(system.stops)))
     for at, stop in enumerate(system.stops):

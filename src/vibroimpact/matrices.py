@@ -1,4 +1,4 @@
-"""The matrices of a linear system: how they are checked, its modes, and the nearest point before its stops."""
+"""The matrices of a linear system: their checks, its modes, and the nearest point in front of its stops."""
 
 from __future__ import annotations
 
@@ -14,21 +14,22 @@ from vibroimpact.cells import Floats
 from vibroimpact.parameters import SMALLEST, invalid, radians
 
 KEPT = 256  # sets of matrices whose checks and modes are remembered
-COORDINATES = 128  # at most: a bar of finite elements, its waves resolved
-ROUNDING = 16.0 * np.finfo(np.float64).eps  # per coordinate: what eigenvalues and products of matrices are off by
+COORDINATES = 128  # at most: enough for a bar of finite elements that resolve its waves
+ROUNDING = 16.0 * np.finfo(np.float64).eps  # per coordinate: the rounding error of eigenvalues and products of matrices
 
 
 def numbers(name: str, value: Any, dims: int, kind: type = np.float64) -> NDArray[Any]:
-    """Return finite numbers as a read-only array of `dims` dimensions, also a single one.
+    """Return finite numbers, or a single one, as a read-only array of `dims` dimensions.
 
     Raises
     ------
     ValueError
-        It holds text or truth values, has other dimensions, or an entry, which is named, is not finite or above 1e60.
+        It holds text or truth values, has other dimensions, or has an entry (the message names it) not finite or above
+        1e60.
     """
     array: NDArray[Any]
     if type(value) is float and abs(value) <= 1.0 / SMALLEST:
-        array = np.array(value, dtype=kind, ndmin=dims)  # as families have them by the thousands
+        array = np.array(value, dtype=kind, ndmin=dims)  # a short way, since families have thousands of these
         array.setflags(write=False)
         return array
     what = ("a number", "a list of numbers", "an array of rows of numbers")[dims]
@@ -39,7 +40,7 @@ def numbers(name: str, value: Any, dims: int, kind: type = np.float64) -> NDArra
             raise TypeError
         array = np.array(entries, dtype=kind, ndmin=dims)
     except (TypeError, ValueError, OverflowError):
-        raise invalid(name, value, what, "all of its rows of one length, without text") from None
+        raise invalid(name, value, what, "give rows of equal length, without text") from None
     if entries.ndim not in (0, dims) or not array.size:
         raise ValueError(f"`{name}` must be {what}, got an array of shape {entries.shape}")
     size = np.maximum(np.abs(array.real), np.abs(array.imag))
@@ -52,13 +53,13 @@ def numbers(name: str, value: Any, dims: int, kind: type = np.float64) -> NDArra
 
 
 def matrices(mass: Any, damping: Any, stiffness: Any) -> dict[str, Floats]:
-    """Return the three matrices by name, checked; nobody can write into them, since many systems share them."""
+    """Return the three matrices by name, checked and read-only, since many systems share them."""
     keys = tuple(map(_key, (mass, damping, stiffness)))
     return dict(_remembered(*keys)) if None not in keys else _matrices(mass, damping, stiffness)
 
 
 def _key(matrix: Any) -> tuple[tuple[int, ...], bytes] | None:
-    """Return the key of numbers, if they are a float or an array of such."""
+    """Return the key of a float or of an array of floats; None for anything else."""
     if type(matrix) is float:
         return (), struct.pack("d", matrix)
     return (matrix.shape, matrix.tobytes()) if type(matrix) is np.ndarray and matrix.dtype == np.float64 else None
@@ -86,7 +87,7 @@ def _matrices(mass: Any, damping: Any, stiffness: Any) -> dict[str, Floats]:
 
 @lru_cache(KEPT)
 def _checked(n: int, *entries: bytes) -> dict[str, Floats]:
-    """Return the three matrices, symmetric where they must be, or refuse them; designs of one family share them."""
+    """Return the three matrices, symmetric where they must be, or raise; designs of one family share them."""
     mass, damping, stiffness = (np.frombuffer(part).reshape(n, n) for part in entries)
     mass, stiffness = _checked_symmetric("mass", mass), _checked_symmetric("stiffness", stiffness)
     _check_mass(mass)
@@ -103,7 +104,7 @@ def table_of_modes(frequencies: Any, damping_ratios: Any, shapes: Any) -> tuple[
     table = numbers("shapes", shapes, 2)
     if not len(natural) == len(ratios) == table.shape[1]:
         raise ValueError(
-            "`frequencies`, `damping_ratios` and the columns of `shapes` must be as many, one per mode, "
+            "`frequencies`, `damping_ratios` and the columns of `shapes` must have equal lengths, one per mode, "
             f"got {len(natural)}, {len(ratios)} and {table.shape[1]}"
         )
     for name, values in {"frequencies": natural, "damping_ratios": ratios}.items():
@@ -158,7 +159,7 @@ def _worst(name: str, matrix: Floats, along: Floats) -> str:
 
 
 def blocks(*matrices: Floats) -> list[list[int]]:
-    """Return the coordinates in groups that no entry of the matrices couples to each other."""
+    """Return the groups of coordinates that no entry of the matrices couples to each other."""
     linked = np.eye(len(matrices[0]), dtype=bool)
     for matrix in matrices:
         linked |= (matrix != 0.0) | (matrix.T != 0.0)
@@ -170,8 +171,8 @@ def blocks(*matrices: Floats) -> list[list[int]]:
 def modes(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
     """Return the eigenvectors of (K, M) and the squares of the natural angular frequencies, ascending.
 
-    Groups of coordinates that nothing couples are solved on their own, so that frequencies of one do not round those
-    of another. Negative squares beyond rounding are returned; those of the size of rounding are 0.
+    Groups of coordinates that nothing couples are solved separately, so that the rounding of one does not affect the
+    frequencies of another. Squares of the size of rounding are 0; larger negative squares are returned.
     """
     n = len(mass)
     shapes, squares = np.zeros((n, n)), np.empty(n)
@@ -186,7 +187,7 @@ def _modes_of_one(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
     n = len(mass)
     if n == 1:
         return np.ones((1, 1)), stiffness[0] / mass[0]
-    units = [int(np.frexp(np.abs(matrix).max())[1]) for matrix in (mass, stiffness)]  # powers of two keep the bits
+    units = [int(np.frexp(np.abs(matrix).max())[1]) for matrix in (mass, stiffness)]  # powers of two do not round
     lower = np.linalg.cholesky(np.ldexp(mass, -units[0]))
     half = np.linalg.solve(lower, np.ldexp(stiffness, -units[1]))
     values, vectors = np.linalg.eigh(symmetric(np.linalg.solve(lower, half.T)))
@@ -195,7 +196,7 @@ def _modes_of_one(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
 
 
 def scaled(shapes: Floats) -> Floats:
-    """Return columns of which the largest entry, the first of those that are equal, is 1."""
+    """Return columns scaled so that their largest entry, the first of equal ones, is 1."""
     size = np.abs(shapes)
     largest = np.argmax(size >= (1.0 - 1e-9) * size.max(axis=0), axis=0)
     columns: Floats = shapes / shapes[largest, np.arange(shapes.shape[1])]
@@ -203,7 +204,7 @@ def scaled(shapes: Floats) -> Floats:
 
 
 def closed(columns: Floats, *maps: Floats) -> Floats:
-    """Return an orthonormal basis of the least space that holds columns of size 1 and is closed under maps."""
+    """Return an orthonormal basis of the smallest space that contains the unit columns and is closed under the maps."""
     sized = [matrix / (np.abs(matrix).max() or 1.0) for matrix in maps]
     new, basis = columns, np.zeros((len(columns), 0))
     while new.size:
@@ -221,9 +222,9 @@ def symmetric(matrix: Floats) -> Floats:
 
 
 def nearest(mass: Floats, directions: Floats, bounds: Floats) -> Floats | None:
-    """Return the q nearest to 0 in the mass metric with `directions` q <= `bounds`; None where there is none.
+    """Return the q nearest to 0 in the mass metric with `directions` q <= `bounds`; None if there is none.
 
-    Of the sets of bounds that may hold it, linearly dependent ones are not needed.
+    Linearly dependent sets of bounds need not be tried.
     """
     n, rest = len(mass), np.zeros(len(mass))
     if (bounds >= 0.0).all():
@@ -246,7 +247,7 @@ def nearest(mass: Floats, directions: Floats, bounds: Floats) -> Floats | None:
 
 
 def block_matrix(one: Floats, two: Floats, three: Floats, four: Floats) -> Floats:
-    """Return [[one, two], [three, four]]; `np.block` takes much longer to see what it is given."""
+    """Return [[one, two], [three, four]]; `np.block` takes much longer to inspect its arguments."""
     n, m = one.shape
     whole = np.empty((n + len(three), m + two.shape[1]))
     whole[:n, :m], whole[:n, m:], whole[n:, :m], whole[n:, m:] = one, two, three, four

@@ -9,14 +9,14 @@ from vibroimpact.parameters import invalid, real_number, whole_number
 
 @dataclass(frozen=True)
 class Sampling:
-    """How much of a motion is left out as transient and how much is kept.
+    """The numbers of impacts or periods to skip as transient and to keep.
 
     Parameters
     ----------
     transient_impacts, sample_impacts : int, >= 0 and >= 1
-        Impacts left out and kept on the impact surface; the paper's are 100 and 5000.
+        Impacts to skip and to keep on the impact surface; the paper uses 100 and 5000.
     transient_periods, sample_periods : int, >= 0 and >= 1
-        Driving periods left out and kept on the stroboscopic section.
+        Driving periods to skip and to keep on the stroboscopic section.
     """
 
     transient_impacts: int = 100
@@ -32,18 +32,19 @@ class Sampling:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Numerical tolerances, all relative, so that results scale as the physics does.
+    """Numerical tolerances, all relative, so that results do not depend on units.
 
     Parameters
     ----------
     chatter : float, 0 < chatter <= 1e-2
-        Impacts slower than this times V = max(f, k |g|)/sqrt(k m) are neither recorded nor counted;
-        where such an impact certainly completes its chatter, the chatter's tail is closed in closed form.
+        Impacts slower than this times V = max(f, k |g|)/sqrt(k m) are neither recorded nor counted; if such an impact
+        certainly completes its chatter, the rest of the chatter is added in closed form.
     flight_periods : float, >= 1
-        A flight longer than this many times the longer of the driving and the natural period
-        ends the cell with status `budget`.
+        A flight longer than this many times the longer of the driving and the natural period ends the cell with status
+        `budget`.
     steps_per_impact : int, >= 1
-        Certified steps granted an impact, on average over a cell, at w = w_n; scaled up with stiffness, to 2^22 in all.
+        Certified steps allowed per impact, on average over a cell, at w = w_n; scaled up with stiffness, to 2^22 in
+        all.
     """
 
     chatter: float = 1e-9
@@ -52,7 +53,7 @@ class Tolerances:
 
     @classmethod
     def of(cls, tolerances: Tolerances | None) -> Tolerances:
-        """Return the tolerances given; None stands for the usual ones."""
+        """Return the given tolerances; None means the default ones."""
         if tolerances is not None and not isinstance(tolerances, cls):
             raise invalid("tolerances", tolerances, "Tolerances(...) or None")
         return tolerances or cls()

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import operator
 import os
+import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
 from types import MappingProxyType
@@ -20,12 +22,34 @@ def invalid(name: str, value: Any, allowed: str, hint: str = "") -> ValueError:
     return ValueError(f"`{name}` must be {allowed}, got {_short(value)}" + (f"; {hint}" if hint else ""))
 
 
-def unknown(what: str, name: Any, choices: Iterable[str], hint: str = "") -> ValueError:
-    """Return the error for a name that is none of the choices, with the one that was probably meant."""
+def unknown(what: str, name: Any, choices: Iterable[str], hint: str = "", meant: str = "") -> ValueError:
+    """Return the error for a name that is none of the choices, with the one that was probably meant, or else a hint."""
     names = list(choices)
-    close = get_close_matches(str(name), names, 1)
-    hint = hint or (f"did you mean {close[0]!r}?" if close else "")
+    meant = meant or closest(str(name), names)
+    hint = f"did you mean {meant!r}?" if meant else hint
     return ValueError(f"unknown {what} {name!r}; choose from {', '.join(names)}" + (f"; {hint}" if hint else ""))
+
+
+class MissingExtra(ImportError):
+    """Packages of an extra are not installed; the message says which, and how to install them."""
+
+
+def closest(name: str, choices: Iterable[str]) -> str:
+    """Return the choice that was probably meant, whatever its case and whatever joins its words; "" if none is near."""
+    plain = {re.sub(r"[-_ ]", "", choice).lower(): choice for choice in choices}
+    return next((plain[near] for near in get_close_matches(re.sub(r"[-_ ]", "", name).lower(), plain, 1)), "")
+
+
+def to_install(extra: str) -> str:
+    """Return the command that installs what an extra needs, by the names of the packages: this one is on no index."""
+    from importlib.metadata import PackageNotFoundError, requires
+
+    with suppress(PackageNotFoundError):
+        needed = [each.partition(";")[0] for each in requires("vibroimpact") or () if f"extra == '{extra}'" in each]
+        quoted = '"{}"'  # for any shell
+        names = [re.sub(r">=[\w.]+$", "", each.strip()) for each in needed]
+        return f"`pip install {' '.join(name if name.isidentifier() else quoted.format(name) for name in names)}`"
+    return f"the packages of the extra [{extra}] in pyproject.toml"
 
 
 def check_one(name: str, value: Any, other: str, other_value: Any) -> None:
@@ -104,6 +128,8 @@ def whole_number(name: str, value: Any, least: int, most: int = COUNTS) -> int:
 
 
 def _unquoted(value: Any) -> str:
+    if isinstance(value, str) and (comma := re.fullmatch(r"\s*([-+]?\d*),(\d.*)", value)):
+        return f"write the decimals after a point: {comma[1]}.{comma[2]}"
     try:
         return "write numbers without quotes" if isinstance(value, str) and math.isfinite(float(value)) else ""
     except ValueError:
@@ -142,8 +168,12 @@ class Parameter:
         Whether `low` itself is allowed.
     hint : str
         What to do about a value out of range.
+    whole : bool
+        Whether it counts something: only whole numbers are allowed, and nothing varies it continuously.
     replaces : str, optional
         The parameter in whose place this one may be given: `frequency` replaces `omega`.
+    follows : str, optional
+        The parameter whose value this one has unless it is given: a `left_restitution` follows `restitution`.
 
     Examples
     --------
@@ -160,28 +190,33 @@ class Parameter:
     high: float = math.inf
     closed: bool = True
     hint: str = ""
+    whole: bool = False
     replaces: str | None = None
+    follows: str | None = None
 
     @property
     def allowed(self) -> str:
         """The range in words."""
+        number = "a whole number" if self.whole else "a finite number"
         if math.isinf(self.low):
-            return "a finite number" if math.isinf(self.high) else f"at most {self.high:g}"
+            return number if math.isinf(self.high) else f"at most {self.high:g}"
         if math.isinf(self.high):
-            return f"a finite number {'>=' if self.closed else '>'} {self.low:g}"
+            return f"{number} {'>=' if self.closed else '>'} {self.low:g}"
         words = "between {:g} and {:g}" if self.closed else "above {:g} and up to {:g}"
-        return words.format(self.low, self.high)
+        return f"{number} " * self.whole + words.format(self.low, self.high)
 
     def check(self, value: Any) -> float:
-        """Return the value as a float inside the range, 0 or of a size whose square is a number."""
-        if type(value) is float and self.low < value <= self.high and SMALLEST <= abs(value) <= 1.0 / SMALLEST:
-            return value  # as nearly all are; families check millions
+        """Return the value inside the range, 0 or of a size whose square is a number; an int where it counts."""
+        inside = type(value) is float and self.low < value <= self.high and SMALLEST <= abs(value) <= 1.0 / SMALLEST
+        if inside and not self.whole:
+            return float(value)  # as nearly all are; families check millions
         number = real_number(self.name, value, self.allowed, self.hint)
-        if number < self.low or number > self.high or (number == self.low and not self.closed):
+        outside = number < self.low or number > self.high or (number == self.low and not self.closed)
+        if outside or (self.whole and number != int(number)):
             raise invalid(self.name, value, self.allowed, self.hint)
         if abs(number) > 1.0 / SMALLEST or (not self.closed and number < SMALLEST):
             raise invalid(self.name, value, f"of a size from {SMALLEST:g} to {1.0 / SMALLEST:g}", "choose other units")
-        return number
+        return int(number) if self.whole else number
 
 
 LIGHT = 0.05  # of critical damping: a damping that machines have

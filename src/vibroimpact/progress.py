@@ -47,22 +47,27 @@ def reporter(progress: bool | Report, label: str) -> Iterator[Report]:
     elif not truth("progress", progress):
         yield lambda done, total, partial: None
     else:
+        began = compiling.clock()
         with _bar() as bar:
-            task = bar.add_task(label, total=None, detail="")
-            yield lambda done, total, partial: bar.update(task, completed=done, total=total)
+            task, began = bar.add_task(label, total=None, detail="", left=""), compiling.clock()
+
+            def show(done: int, total: int, partial: Any) -> None:
+                left = remaining(done, total, compiling.clock() - began)
+                bar.update(task, completed=done, total=total, left=left)
+
+            yield show
 
 
 def _bar() -> Progress:
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("{task.fields[detail]}"),
-        TimeRemainingColumn(),
-        TextColumn("left"),
+        TextColumn("{task.fields[left]}"),
         console=Console(file=sys.stderr),
     )
 
@@ -80,7 +85,8 @@ class Meter:
 
     `keeps` says whether finished work is kept after an interruption, `patience` how many seconds at most a stopped
     sweep waits for running cells. `finish` completes what is being written to a store before the process ends at once;
-    `opening` prints what comes before the first report, or at the end of a sweep that reported nothing.
+    `opening` prints what comes before the first report, or at the end of a sweep that reported nothing. `clock` gives
+    the time, without that which compiling takes unless it is another one.
     """
 
     def __init__(
@@ -91,7 +97,9 @@ class Meter:
         patience: float | None = None,
         finish: Callable[[], None] | None = None,
         opening: Callable[[], None] | None = None,
+        clock: Callable[[], float] = compiling.clock,
     ) -> None:
+        self.clock = clock
         self.label, self.keeps, self.patience, self.finish = label, keeps, patience, finish
         self._opening = compiling.before_compiling(opening or (lambda: None))
         self.stopped = False  # a sweep reads it between two reports, too
@@ -101,14 +109,14 @@ class Meter:
         self._end: SimpleQueue[bool] = SimpleQueue()  # a signal may break into anything but its `put`
 
     def __enter__(self) -> Self:
-        self._began, self._computed = perf_counter(), compiling.clock()
+        self._computed = self.clock()
         self._open = self._opening.__enter__()
         if threading.current_thread() is threading.main_thread():
             threading.Thread(target=self._end_at_once, daemon=True).start()
             self._previous_handler = signal.signal(signal.SIGINT, self._stop)
         if sys.stderr.isatty():
             self._bar = _bar()
-            self._task = self._bar.add_task(self.label, total=None, detail="")
+            self._task = self._bar.add_task(self.label, total=None, detail="", left="")
             self._bar.start()
         return self
 
@@ -119,23 +127,24 @@ class Meter:
             signal.signal(signal.SIGINT, self._previous_handler)
             self._end.put(False)
         self._opening.__exit__(kind, error, at)  # if nothing was left to report
-        self.seconds = perf_counter() - self._began
+        self.seconds = self.clock() - self._computed
 
     def __call__(self, done: int, total: int | None, partial: Any) -> bool:
         """Show how far the computation is; return whether to continue."""
         self._open()
-        seconds = compiling.clock() - self._computed
+        seconds = self.clock() - self._computed
         impacts = getattr(partial, "attrs", {}).get("impacts_computed", 0)
         detail = partial if isinstance(partial, str) else speed(impacts, seconds)
         if self._bar is not None:
-            self._bar.update(self._task, completed=done, total=total, detail="" if total is None else detail)
+            shown, left = "" if total is None else detail, remaining(done, total, seconds)
+            self._bar.update(self._task, completed=done, total=total, detail=shown, left=left)
         elif total is None:
             if seconds >= self._shown + SECONDS:
                 self._shown = seconds
-                print(f"{self.label}: {done}, {seconds:.0f} s", file=sys.stderr, flush=True)
-        elif done / total >= self._shown + 0.1 or done == total:
+                print(f"{self.label}: {done}, {duration(seconds)}", file=sys.stderr, flush=True)
+        elif done / total >= self._shown + 0.1 or done == total > self._shown * total:
             self._shown = done / total
-            left = f"{seconds * (total - done) / done:.0f} s left" if done < total else f"{seconds:.1f} s"
+            left = remaining(done, total, seconds) if done < total else duration(seconds)
             parts = [f"{self.label}: {100 * done / total:.0f} % of {total}", detail, left]
             print(", ".join(part for part in parts if part), file=sys.stderr, flush=True)
         return not self.stopped
@@ -250,6 +259,25 @@ def interruptible() -> Iterator[None]:
     finally:
         signal.set_wakeup_fd(before)
         os.close(writes)
+
+
+def duration(seconds: float) -> str:
+    """Return a time in the units that suit it.
+
+    Examples
+    --------
+    >>> duration(0.0312), duration(42.4), duration(110.0), duration(8000.0)
+    ('0.031 s', '42 s', '1 min 50 s', '2 h 13 min')
+    """
+    if seconds < 59.5:
+        return f"{seconds:.2g} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def remaining(done: int, total: int | None, seconds: float) -> str:
+    """Return the time that the rest of some work takes, at the pace so far; empty where that is not known."""
+    return f"{duration(seconds * (total - done) / done)} left" if done and total and done < total else ""
 
 
 def speed(impacts: int, seconds: float) -> str:

@@ -1,4 +1,4 @@
-"""A request: everything that decides the numbers of a map, a diagram or a store, and whether they fit into memory."""
+"""A request: everything that determines the numbers of a map, a diagram or a store, and a check of memory."""
 
 from __future__ import annotations
 
@@ -35,27 +35,27 @@ if TYPE_CHECKING:
 
 Places = NDArray[np.int64]
 CELL, INDEX = 250, 8  # bytes per cell of a map while it is computed, and per index beyond the first
-COSTLY = "take fewer points or impacts"
-BLOCK = 1 << 18  # cells made at once where all are to be seen: some 25 MB
+COSTLY = "use fewer points or impacts"
+BLOCK = 1 << 18  # cells made at once when all must be checked: about 25 MB
 
 
 @dataclass(frozen=True)
 class Request:
-    """Which designs, from which initial conditions, measured how and by which back end."""
+    """The designs, initial conditions, measurement and back end of a computation."""
 
-    model: Model  # the parameters that no axis varies
-    axes: Mapping[str, Floats]  # the values of a grid, or, `scattered`, the columns of a table with one design per row
+    model: Model  # its parameters that no axis varies
+    axes: Mapping[str, Floats]  # the values of a grid; if `scattered`, the columns of a table with one design per row
     measurement: Measurement
-    # Of every cell; a tuple adds a dim `start`, and so does a number of them: at rest, the others spread impacts.
+    # For every cell; a tuple adds a dim `start`, and so does a number: at rest first, then spread impacts.
     start: State | tuple[State | None, ...] | int | None = None
     backend: str = "cpu"
     time_step: float | None = None
-    scattered: bool = False  # points (dim `point`), not a grid
-    further: Mapping[str, Any] = field(default_factory=dict)  # what else decides the result: how a map is refined
+    scattered: bool = False  # points (dim `point`) instead of a grid
+    further: Mapping[str, Any] = field(default_factory=dict)  # other inputs of the result: how a map is refined
 
     @property
     def n_starts(self) -> int:
-        """Number of initial conditions along the dim `start`; 0 where there is no such dim."""
+        """The number of initial conditions along the dim `start`; 0 without that dim."""
         return len(self.start) if isinstance(self.start, tuple) else self.start if isinstance(self.start, int) else 0
 
     @property
@@ -68,7 +68,7 @@ class Request:
 
     @property
     def dims(self) -> tuple[str, ...]:
-        """Names of the dimensions, the last one fastest."""
+        """The names of the dimensions; the last one varies fastest."""
         return tuple(self.sizes)
 
     @property
@@ -81,22 +81,22 @@ class Request:
 
     @property
     def indices(self) -> tuple[str, ...]:
-        """The indices asked for."""
+        """The requested indices."""
         return self.measurement.indices
 
     @cached_property
     def stops(self) -> tuple[str, ...]:
-        """Names of the stops by which indices are given; none if they are those of all stops together."""
+        """The names of the stops for which indices are given; empty if indices cover all stops together."""
         return tuple(self.model.at().stop_names) if self.measurement.by_stop else ()
 
     def sizes_of(self, name: str) -> dict[str, int]:
-        """Numbers along each dimension of a result."""
+        """Return the size of a result along each dimension."""
         by_stop = self.measurement.by_stop and name in EVERY and EVERY[name].by_stop
         return self.sizes | ({"stop": len(self.stops)} if by_stop else {})
 
     @property
     def cell_size(self) -> int:
-        """Bytes of memory that a cell takes while a map is computed."""
+        """Bytes of memory per cell while a map is computed."""
         return CELL + INDEX * (sum(math.prod(self.sizes_of(name).values()) for name in self.indices) // len(self) - 1)
 
     def coordinates(self) -> dict[str, xr.Variable]:
@@ -112,7 +112,7 @@ class Request:
         return variables
 
     def cells(self, at: slice | Places = slice(None)) -> Cells:
-        """Return the cells at some flat indices: the same bits whichever others are asked for beside them."""
+        """Return the cells at some flat indices, bit for bit the same in every selection."""
         flat = np.arange(*at.indices(len(self))) if isinstance(at, slice) else at
         if not isinstance(self.start, (tuple, int)):
             return self._designs_at(flat).begun(self.start)
@@ -127,7 +127,7 @@ class Request:
         return cells
 
     def _designs_at(self, flat: Places) -> Cells:
-        """Return designs by their flat indices, at rest; the function of a family is called once for each."""
+        """Return designs by flat index, at rest; the function of a family is called once for each."""
         if self.scattered:
             return self._designs[flat]
         places = np.unravel_index(flat, tuple(map(len, self.axes.values())))
@@ -136,7 +136,7 @@ class Request:
 
     @cached_property
     def _designs(self) -> Cells:
-        """The designs of a table, at rest: made once, since the function of a family may be slow."""
+        """The designs of a table, at rest; made once, since the function of a family may be slow."""
         return self.model.cells(self.axes)
 
     def box(self, part: tuple[slice, ...]) -> Places:
@@ -145,11 +145,11 @@ class Request:
         return np.ravel_multi_index(np.ix_(*ranges), self.shape).ravel()
 
     def check_starts(self) -> None:
-        """Refuse an initial condition beyond the stop at a corner of the grid, before anything is computed."""
+        """Raise if an initial condition lies beyond the stop at a corner of the grid, before anything is computed."""
         self._corners()
 
     def check_cost(self, most: int) -> None:
-        """Refuse what would take more steps than this, at one an impact, or those of a fixed length in a period."""
+        """Raise if a request takes more than `most` steps: one per impact, or steps of a fixed length in a period."""
         window, each = self.measurement.impacts, 1.0
         if self.time_step is not None:
             each = max(
@@ -166,7 +166,7 @@ class Request:
         return self.cells(slice(None) if self.scattered else np.unique(corners))
 
     def identity(self) -> dict[str, Any]:
-        """Return the identity that two requests must share for one to go on where the other stopped."""
+        """Return the identity that two requests must share if one is to continue the other."""
         varied = {self.model.parameters[name].replaces or name for name in self.axes}
         window = self.measurement.impacts
         return {
@@ -194,7 +194,7 @@ class Request:
         return "; ".join("at rest" if start is None else str(start) for start in starts)
 
     def _numbers(self) -> dict[str, Any]:
-        """Return a mark of the numbers behind a name: of what a family makes, and of the matrices of a system."""
+        """Return a mark of the numbers behind a name: those that a family makes, and the matrices of a system."""
         if getattr(self.model, "says_all", False):
             return {}
         digest = hashlib.sha256()
@@ -203,7 +203,7 @@ class Request:
         return {"family": str(self.model), "numbers": digest.hexdigest()[:16]}
 
     def arguments(self) -> dict[str, Any]:
-        """Return the call in the words of the API."""
+        """Return the call in the terms of the API."""
         window = self.measurement.window
         counts = {} if not isinstance(window, ImpactWindow) else {
             "transient_impacts": window.transient, "sample_impacts": window.keep,
@@ -221,12 +221,12 @@ class Request:
         }
 
     def provenance(self, function: str) -> dict[str, str]:
-        """Return the attributes that say how a result was made."""
+        """Return the attributes that record how a result was made."""
         return provenance(function, self.model, self.arguments())
 
 
 def map_of(request: Request, arrays: Mapping[str, NDArray[Any]]) -> xr.Dataset:
-    """Return a map of the arrays of its indices and status, which it shares."""
+    """Return a map of the arrays of indices and status, without copying them."""
     variables = {name: variable(name, tuple(request.sizes_of(name)), arrays[name]) for name in request.indices}
     variables["status"] = status_variable(request.dims, arrays["status"])
     counts = {"impacts_computed": 0, "steps_computed": 0}
@@ -234,7 +234,7 @@ def map_of(request: Request, arrays: Mapping[str, NDArray[Any]]) -> xr.Dataset:
 
 
 def check_axes(axes: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> dict[str, Floats]:
-    """Return the axes of a grid as arrays in the order given, or raise `ValueError` naming the first that is wrong."""
+    """Return the axes of a grid as arrays in the order given; raise `ValueError` naming the first wrong one."""
     _check_varied(axes, parameters)
     checked = {name: _values(values, parameters[name]) for name, values in axes.items()}
     for name, values in checked.items():
@@ -246,12 +246,12 @@ def check_axes(axes: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> 
 
 
 def check_points(points: Any, model: Model) -> dict[str, Floats]:
-    """Return the columns of a table of designs as arrays of one length."""
+    """Return the columns of a table of designs as arrays of equal length."""
     try:
         columns = {str(name): np.asarray(points[name]) for name in points}
     except (TypeError, KeyError, IndexError):
         raise invalid(
-            "points", points, "a mapping or DataFrame of columns", "write {'omega': [...], 'gap': [...]}"
+            "points", points, "a mapping or DataFrame of columns", "as in {'omega': [...], 'gap': [...]}"
         ) from None
     if not columns:
         raise invalid("points", points, "a table with at least one column")
@@ -259,12 +259,12 @@ def check_points(points: Any, model: Model) -> dict[str, Floats]:
     checked = {name: _values(values, model.parameters[name]) for name, values in columns.items()}
     if len({len(values) for values in checked.values()}) > 1:
         lengths = ", ".join(f"{name} has {len(values)}" for name, values in checked.items())
-        raise ValueError(f"`points` must have columns of one length, but {lengths}")
+        raise ValueError(f"`points` must have columns of equal length, but {lengths}")
     return checked
 
 
 def check_start(start: Any) -> State | tuple[State | None, ...] | int | None:
-    """Return one initial condition, or several as a tuple, or their number."""
+    """Return one initial condition, several as a tuple, or their number."""
     if hasattr(start, "__index__"):
         return whole_number("start", start, 2)
     if not isinstance(start, (list, tuple)):
@@ -284,7 +284,7 @@ def _check_varied(names: Mapping[str, Any], parameters: Mapping[str, Parameter])
 def _values(entries: Any, parameter: Parameter) -> Floats:
     values = _numbers(entries)
     if values.ndim != 1 or values.size == 0:
-        hint = f"write for example {parameter.name}=np.linspace(0.1, 5, 200)"
+        hint = f"as in {parameter.name}=np.linspace(0.1, 5, 200)"
         raise invalid(parameter.name, entries, "a one-dimensional, non-empty list of numbers", hint)
     for value in (*values[~np.isfinite(values)][:1], values.min(), values.max()):  # ranges are intervals
         parameter.check(value.item())
@@ -292,7 +292,7 @@ def _values(entries: Any, parameter: Parameter) -> Floats:
 
 
 def _numbers(entries: Any) -> Floats:
-    """Return a list of numbers as an array of one dimension; one of two dimensions where it is none, text included."""
+    """Return a list of numbers as a one-dimensional array, or a two-dimensional one for text and other input."""
     none = np.empty((0, 0))
     try:
         array = np.asarray(entries)
@@ -308,7 +308,7 @@ def key_of(identity: dict[str, Any]) -> str:
 
 
 def differences(stored: dict[str, Any], wanted: dict[str, Any]) -> str:
-    """Return in words where two identities differ."""
+    """Return the differences of two identities in words."""
     texts = []
     for name in {**stored, **wanted}:
         if stored.get(name) != wanted.get(name):
@@ -320,11 +320,11 @@ def differences(stored: dict[str, Any], wanted: dict[str, Any]) -> str:
 
 
 def unmarked(name: str, value: str) -> str:
-    """Return the entry of an identity under a name, an axis without its mark."""
+    """Return the entry of an identity under a name; for an axis, without its mark."""
     return re.sub(r" \([0-9a-f]{8}\)$", "", value) if name.startswith("axis ") else value
 
 
 def mark(name: str, values: Floats) -> str:
-    """Return an axis in words, with a mark that no other values share."""
+    """Return an axis in words, with a mark that identifies its values."""
     digest = hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()[:8]
     return f"{name} {values[0]:g} to {values[-1]:g} in {len(values)} ({digest})"

@@ -1,4 +1,4 @@
-"""One orbit: followed in time, at its impacts, and once a driving period."""
+"""One orbit: followed in time, at its impacts, and once per driving period."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from vibroimpact.parameters import STEPS, check_fits, counted, invalid, phase_nu
 if TYPE_CHECKING:
     import xarray as xr
 
-ROW = 200  # bytes in memory of one that is sampled, while it is labelled
+ROW = 200  # bytes of memory per sample while it is labelled
 
 
 @dataclass(frozen=True)
 class _Orbit:
-    """One orbit of a model, as a back end follows it."""
+    """One orbit of a model, followed by a back end."""
 
     model: Model
     start: State | None
@@ -42,12 +42,12 @@ class _Orbit:
 
     @cached_property
     def design(self) -> Any:
-        """The oscillator or the system that the model is."""
+        """The oscillator or the system of the model."""
         check_model(self.model)
         return self.model.at()
 
     def samples(self, window: ImpactWindow | StroboscopicWindow) -> Any:
-        """Return the samples that a window takes."""
+        """Return the samples in a window."""
         design = self.design
         cells = self.model.cells({}, one_start(self.start))
         check_takes(self.engine, design)
@@ -56,21 +56,21 @@ class _Orbit:
         return samples
 
     def _check_cost(self, window: ImpactWindow | StroboscopicWindow) -> None:
-        """Refuse samples that memory cannot hold, and fixed steps without end."""
-        rows = f"asks for {window.keep:.3g} rows, which take"
+        """Raise if memory cannot hold the samples, or if fixed steps would take too long."""
+        rows = f"needs {window.keep:.3g} rows, which take"
         if isinstance(window, ImpactWindow):
-            name, periods = "sample_impacts", float(window.transient + window.keep)  # one an impact, about
+            name, periods = "sample_impacts", float(window.transient + window.keep)  # about one per impact
         else:
             name = "sample_periods" if window.per_period == 1 else "samples_per_period"
             periods = window.skip_periods + window.keep / window.per_period
-        check_fits(name, rows, ROW * window.keep, "take fewer")
+        check_fits(name, rows, ROW * window.keep, "choose fewer")
         length = periods * self.design.period
         if self.time_step is not None and length > STEPS * self.time_step:
             hint = f"that is {length / self.time_step:.2g} steps"
-            raise invalid("time_step", self.time_step, "longer, or the motion shorter", hint)
+            raise invalid("time_step", self.time_step, "larger, or the motion shorter", hint)
 
     def provenance(self, function: str, **how: Any) -> dict[str, str]:
-        """Return the attributes that say how a result was made."""
+        """Return the attributes that record how a result was made."""
         common = {"backend": self.engine.sampler, "time_step": self.time_step}
         return provenance(function, self.model, {"start": self.start, **how, **common})
 
@@ -86,7 +86,7 @@ def simulate(
     time_step: float | None = None,
     tolerances: Tolerances | None = None,
 ) -> xr.Dataset:
-    r"""Follow the mass from its start for some driving periods.
+    r"""Follow the motion from an initial condition for some driving periods.
 
     .. math:: m \ddot y + c \dot y + k y = f \sin \omega t \quad (y < g), \qquad
               \dot y \to -r \dot y \quad (y = g,\ \dot y > 0)
@@ -96,34 +96,35 @@ def simulate(
     osc : ImpactOscillator, ImpactSystem or family
         The design.
     start : State, optional
-        Initial condition; None is at rest at min(0, gap) at time 0.
+        Initial condition; None means at rest at min(0, gap) at time 0.
     periods : float, > 0
-        How long, in driving periods T = 2 pi / omega.
+        The length of the motion, in driving periods T = 2 pi / omega.
     skip_periods : int, >= 0
-        Driving periods that pass before, and are left out.
+        Driving periods to skip first.
     samples_per_period : int, >= 1
-        Displacements and velocities given a period; impacts are found exactly, whatever this is.
+        Samples of displacement and velocity per period; impacts are exact whatever this is.
     backend : str
-        Name of the back end; `time_step` in s goes with "fixed-step" only.
+        Name of the back end; `time_step` in s is for "fixed-step" only.
     tolerances : Tolerances, optional
-        Numerical tolerances; `chatter` says which impacts are too weak to be recorded.
+        Numerical tolerances; `chatter` sets which impacts are too weak to be recorded.
 
     Returns
     -------
     xarray.Dataset
-        `displacement` in m and `velocity` in m/s over `time` in s; `impact_time`, `impact_velocity` (dim
-        `impact`, the speed just before contact); `stick_time`, `release_time` (dim `stick`, NaN where the mass had
-        not left yet); `status`. At an impact instant the velocity given is the one after it.
+        `displacement` in m and `velocity` in m/s over `time` in s; `impact_time`, `impact_velocity` (dim `impact`, the
+        speed just before contact); `stick_time`, `release_time` (dim `stick`, NaN if the mass has not left yet);
+        `status`. At the instant of an impact, the velocity is the one after it.
 
     Raises
     ------
     ValueError
-        An argument is out of its range, or the start lies beyond the stop.
+        An argument is out of range, or the initial condition lies beyond the stop.
 
     Notes
     -----
-    Flights are exact power series, contacts are certified and found to rounding; errors grow along the orbit as the
-    motion itself lets them. About 0.7 microseconds an impact, plus a third of one a sample.
+    Flights are exact power series, and contacts are certified and found to rounding; errors grow along the orbit only
+    as perturbations of the motion do. Time: about 0.7 microseconds per impact, plus a third of a microsecond per
+    sample.
 
     References
     ----------
@@ -153,7 +154,7 @@ def simulate(
 
 
 def _since(motion: xr.Dataset, first: Floats) -> xr.Dataset:
-    """Return a motion without the impacts, and the sticks, that were over when it was first looked at."""
+    """Return a motion without the impacts and sticks that ended before its first sample."""
     over = {"impact": motion["impact_time"].values}
     if "release_time" in motion:
         over["stick"] = np.nan_to_num(motion["release_time"].values, nan=np.inf)
@@ -172,12 +173,12 @@ def measure_orbit(
     tolerances: Tolerances,
     patience: Tolerances,
 ) -> tuple[dict[str, float], dict[str, Floats], int]:
-    """Return the indices and the status of one orbit, and all that a picture of it needs, from one run.
+    """Return the indices and the status of one orbit, and all data for a picture of it, from one run.
 
-    The indices are bit for bit those of `parameter_map`, within `tolerances`; a system is run twice. The orbit is
-    followed within `patience` for so many driving periods; it has what `simulate` gives, and `impact_phase` in [0, 1).
-    Its samples lie at multiples of 1 / `samples_per_period` of phase, the first of them at or just after the start.
-    The number of the first one of phase 0, on the stroboscopic section, comes third.
+    The indices equal those of `parameter_map` bit for bit, within `tolerances`; a system is run twice. The orbit is
+    followed for `periods` driving periods within `patience`; it has what `simulate` returns, and `impact_phase` in [0,
+    1). Its samples lie at multiples of 1 / `samples_per_period` of phase, the first of them at or just after the
+    initial condition. The number of the first sample of phase 0, on the stroboscopic section, is the third result.
     """
     cell: Any = osc.cells({}, one_start(start))
     design, engine = osc.at(), get_backend("cpu")
@@ -204,30 +205,30 @@ def impact_section(
     time_step: float | None = None,
     tolerances: Tolerances | None = None,
 ) -> xr.Dataset:
-    """Return the impacts of a settled motion: when, at which phase, how hard (the paper's impact map).
+    """Return the impacts of a settled motion: their times, phases and velocities (the paper's impact map).
 
     Parameters
     ----------
     osc, start, backend, time_step, tolerances
-        As of `simulate`.
+        As in `simulate`.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
-        Impacts left out, then kept.
+        Impacts to skip, then to keep.
 
     Returns
     -------
     xarray.Dataset
-        `time` in s, `phase` (t mod T)/T in [0, 1), `velocity` in m/s just before contact, > 0 (dim `impact`, fewer
-        rows where impacts cease); `stick_time`, `release_time` (dim `stick`) between the first and the last of
-        them; `status`.
+        `time` in s, `phase` (t mod T)/T in [0, 1), `velocity` in m/s just before contact, > 0 (dim `impact`, fewer rows
+        if impacts cease); `stick_time`, `release_time` (dim `stick`) between the first and the last of them; `status`.
 
     Raises
     ------
     ValueError
-        An argument is out of its range, or the start lies beyond the stop.
+        An argument is out of range, or the initial condition lies beyond the stop.
 
     Notes
     -----
-    Each impact is exact to rounding and to the growth of errors along the orbit. About 0.7 microseconds an impact.
+    Each impact is exact to rounding and to the growth of errors along the orbit. Time: about 0.7 microseconds per
+    impact.
 
     References
     ----------
@@ -259,31 +260,31 @@ def stroboscopic_section(
     time_step: float | None = None,
     tolerances: Tolerances | None = None,
 ) -> xr.Dataset:
-    """Return the state once a driving period, always at the same phase (the paper's Poincare map).
+    """Return the state once per driving period, always at the same phase (the paper's Poincare map).
 
     Parameters
     ----------
     osc, start, backend, time_step, tolerances
-        As of `simulate`.
+        As in `simulate`.
     phase : float, 0 <= phase < 1
-        When to look, (t mod T)/T.
+        Phase of the section, (t mod T)/T.
     transient_periods, sample_periods : int, >= 0 and >= 1
-        Driving periods left out, then kept.
+        Driving periods to skip, then to keep.
 
     Returns
     -------
     xarray.Dataset
-        `time` in s, `displacement` in m, `velocity` in m/s (dim `period`); `status`. At an impact instant the
+        `time` in s, `displacement` in m, `velocity` in m/s (dim `period`); `status`. At the instant of an impact, the
         velocity is the one after it.
 
     Raises
     ------
     ValueError
-        An argument is out of its range, or the start lies beyond the stop.
+        An argument is out of range, or the initial condition lies beyond the stop.
 
     Notes
     -----
-    A section changes nothing: the orbit's impacts are the same bits with it and without it.
+    The section does not affect the motion: the orbit's impacts are bit for bit the same with and without it.
 
     References
     ----------
@@ -325,24 +326,24 @@ def impact_map(
     Parameters
     ----------
     osc, backend, time_step, tolerances
-        As of `simulate`; one coordinate in front of one stop, so that phase and velocity are the whole state.
+        As in `simulate`; one coordinate and one stop, so that phase and velocity are the whole state.
 
     Returns
     -------
     callable
-        Takes phases in [0, 1) and velocities > 0 in m/s just before contact, numbers or arrays of one shape, and
-        returns those of the next recorded impact, in the same shape; NaN where none follows. A chatter that completes
-        is passed over: the next impact is the first one after the release.
+        Takes phases in [0, 1) and velocities > 0 in m/s just before contact, numbers or arrays of equal shape, and
+        returns those of the next recorded impact, in the same shape; NaN if none follows. A complete chatter is passed
+        over: the next impact is the first one after the release.
 
     Raises
     ------
     ValueError
-        The model has several coordinates or stops, or a phase or velocity is out of its range.
+        The model has several coordinates or stops, or a phase or velocity is out of range.
 
     Notes
     -----
-    Exact to rounding. With a fixed rigid stop its Jacobian has the determinant r^2 (v0/v1) exp(-c tau/m), and it is
-    singular where the next impact is a graze. Some microseconds per impact; many at once take a tenth.
+    Exact to rounding. With a fixed rigid stop, its Jacobian has the determinant r^2 (v0/v1) exp(-c tau/m) and is
+    singular if the next impact is a graze. Time: some microseconds per impact; a tenth of that for many at once.
 
     Examples
     --------
@@ -359,8 +360,8 @@ def impact_map(
     if (design.coordinates, len(design.stops)) != (1, 1):
         has = f"{counted(design.coordinates, 'coordinate')} and {counted(len(design.stops), 'stop')}"
         raise ValueError(
-            "`osc` must have one coordinate and one stop, for phase and velocity of an impact to be the whole state; "
-            f"{design!s} has {has}: take impact_section"
+            "`osc` must have one coordinate and one stop, so that phase and velocity of an impact are the whole state; "
+            f"{design!s} has {has}; use impact_section"
         )
     engine = get_backend(backend, time_step=time_step)
     check_takes(engine, design)
@@ -370,7 +371,7 @@ def impact_map(
         try:
             phases, velocities = np.broadcast_arrays(np.asarray(phase, float), np.asarray(velocity, float))
         except (TypeError, ValueError, OverflowError) as error:
-            raise ValueError(f"`phase` and `velocity` must be numbers, or arrays of one shape: {error}") from error
+            raise ValueError(f"`phase` and `velocity` must be numbers, or arrays of equal shape: {error}") from error
         if not phases.size:
             return phases, velocities
         if not ((phases >= 0.0) & (phases < 1.0)).all():
@@ -381,7 +382,7 @@ def impact_map(
         cells = design.cells({})[first].striking(first, velocities.ravel(), phases.ravel())
         images = np.full((2, phases.size), np.nan)
         for at, samples in enumerate(engine.samples(cells, measurement)):
-            # The impact to begin with is recorded itself, both its numbers to rounding, unless it is too weak.
+            # The given impact is recorded too, both numbers to rounding, unless it is too weak.
             skipped = int(
                 len(samples.impact_phase) > 0
                 and math.isclose(samples.impact_periods[0] + samples.impact_phase[0], phases.flat[at], abs_tol=1e-12)

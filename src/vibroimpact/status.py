@@ -1,4 +1,4 @@
-"""How a motion ended: codes, their sentences, and which one a cell gets."""
+"""How a motion ended: codes, their sentences, and the rule for the code of a cell."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Status(IntEnum):
 
     @property
     def sentence(self) -> str:
-        """What happened and, where there is one, the remedy."""
+        """What happened and, if there is one, the remedy."""
         return _SENTENCES[self]
 
     @property
@@ -38,24 +38,24 @@ class Status(IntEnum):
 
 _SENTENCES = {
     Status.OK: "all requested impacts were sampled",
-    Status.CLOSED: "the motion closed a periodic cycle; its indices were completed in closed form",
+    Status.CLOSED: "the cycle repeats, so the remaining impacts were added exactly",
     Status.STICKING: "the mass came to rest at the stop within the sample (complete chatter or stick)",
     Status.SHORT_WINDOW: "the sampled impacts span fewer than 10 driving periods; raise `sample_impacts`",
     Status.NO_IMPACT: "the mass never reaches the stop from these initial conditions",
     Status.STOPPED_IMPACTING: "impacts cease after a transient; the motion settles clear of the stop",
     Status.STUCK_FOREVER: "permanently in contact: the mass stays at the stop, and the force never releases it",
-    Status.DECAYING: "unforced impacts decay for ever; give an `amplitude` or sample fewer impacts",
-    Status.BUDGET: "a flight or the whole motion exceeded its budget; raise `flight_periods` or `steps_per_impact`",
+    Status.DECAYING: "unforced impacts decay forever; give an `amplitude` or sample fewer impacts",
+    Status.BUDGET: "stopped at the step limit while undecided; raise `flight_periods` or `steps_per_impact`",
     Status.INTERRUPTED: "the sweep was stopped before this cell was finished; run it again",
-    Status.INVALID_RESTITUTION: "a law of restitution gave no number from 0 to 1 at the speed of an impact; limit it",
+    Status.INVALID_RESTITUTION: "a law of restitution gave a value outside 0 to 1 at the speed of an impact; limit it",
 }
 
 
 def window_status(*, sampled: int, wanted: int, stuck: bool, periods: float, ended: Status) -> Status:
-    """Return the one status of a cell: what ended it, else what its window says.
+    """Return the status of a cell: how it ended, or else what its window shows.
 
     It is `ended` if the window was not filled. A filled window that spans fewer than 10 periods is `short_window`;
-    else one in which the mass stuck is `sticking`; else `ok`.
+    otherwise it is `sticking` if the mass stuck in it, else `ok`.
     """
     if sampled < wanted:
         return ended

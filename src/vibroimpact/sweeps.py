@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from distributed import Client
 
-FINE_CELL = 30  # bytes a cell of a refined map takes
+FINE_CELL = 30  # bytes per cell of a refined map
 
 
 def parameter_map(
@@ -63,81 +63,82 @@ def parameter_map(
     osc : ImpactOscillator, ImpactSystem or family
         The parameters that no axis varies.
     points : mapping or DataFrame, optional
-        Columns of parameters, one design per row, in place of axes: a list of variants, a Monte Carlo sample. The
+        Columns of parameters, one design per row, instead of axes: a list of variants or a Monte Carlo sample. The
         result has a dim `point`.
     indices : names
         From velocity sums: `std`, `mean_velocity`, `max_velocity` (m/s), `impacts_per_period` = (N-1) T/(t_N - t_1).
         From all observers, at 1.6 times the cost: `lyapunov` (1/s) and `lyapunov_per_impact`, the largest exponent,
-        -inf for motions that stick; `n_periods` and `n_impacts`, the type of the cycle, 0 where none was found,
+        -inf for motions that stick; `n_periods` and `n_impacts`, the type of the cycle, 0 if none was found,
         n_impacts = -1 for complete chatter; `dissipation` (J per period); `stick_fraction`; `impact_phase_spread` =
-        1 - \|<exp 2 pi i phase>\|; `grazing_margin` (m), the gap left by the closest near-miss, inf without one.
+        1 - \|<exp 2 pi i phase>\|; `grazing_margin` (m), the gap left at the closest near-miss, inf without one.
     backend : str
-        Name of the back end; `time_step` in s goes with "fixed-step" only. All but "cpu" take one mass in front of one
-        fixed rigid stop, driven at one frequency, also where that is written as an `ImpactSystem`.
+        Name of the back end; `time_step` in s is for "fixed-step" only. All except "cpu" take only one mass with one
+        fixed rigid stop, driven at one frequency, which may be given as an `ImpactSystem`.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
-        Impacts left out, then kept, in every cell.
+        Impacts to skip, then to keep, in every cell.
     start : State, list of State or int, optional
-        The initial condition of every cell; None is at rest at min(0, gap) at time 0. A list of them adds a dim
-        `start`: ``.max("start")`` is the worst case. A number N >= 2 stands for N of them: first at rest, then N - 1
-        impacts spread over phases 0 to 1 and velocities 0 to 4 V of each cell, V = max(f, k \|g\|)/sqrt(k m). Number j
-        has the phase psi/T = frac(1/2 + 0.7548776662466927 (j - 1)) and the velocity 4 V frac(1/2 +
-        0.5698402909980532 (j - 1)), those from which `attractors` starts.
+        The initial condition of every cell; None means at rest at min(0, gap) at time 0. A list of initial conditions
+        adds a dim `start`: ``.max("start")`` is the worst case. A number N >= 2 means N initial conditions: at rest
+        first, then N - 1 impacts spread over phases 0 to 1 and velocities 0 to 4 V of each cell,
+        V = max(f, k \|g\|)/sqrt(k m). Number j has the phase psi/T = frac(1/2 + 0.7548776662466927 (j - 1)) and the
+        velocity 4 V frac(1/2 + 0.5698402909980532 (j - 1)), as in `attractors`.
     early_closing : bool
-        Whether a cell stops once all its remaining impacts are known; its indices are then completed in closed form,
-        within 1e-10 of the velocity scale (1e-11 of a system's), but `max_velocity` of an oscillator becomes that of
-        the cycle, without what is left of the transient. False computes every impact.
+        Whether a cell stops once all its remaining impacts are known. Its indices are then completed in closed form,
+        within 1e-10 of the velocity scale (1e-11 for systems), but `max_velocity` of an oscillator becomes that of the
+        cycle, without the rest of the transient. False computes every impact.
     by_stop : bool
-        Tell the stops apart: `std`, `mean_velocity`, `max_velocity`, `impacts_per_period`, `dissipation`,
-        `stick_fraction`, `impact_phase_spread` and `grazing_margin` get a dim `stop`, of the impacts, rests and misses
-        at each stop within the impacts kept on all. Without an impact there velocities and phases are NaN.
+        Whether to separate the stops: `std`, `mean_velocity`, `max_velocity`, `impacts_per_period`, `dissipation`,
+        `stick_fraction`, `impact_phase_spread` and `grazing_margin` get a dim `stop`, for the impacts, rests and
+        near-misses at each stop while the impacts on all stops are kept. For a stop without impacts, velocities and
+        phases are NaN.
     tolerances : Tolerances, optional
         Numerical tolerances.
     workers : int, optional
-        Threads; None is one a core. The result does not depend on it.
+        Threads; None means one per core. The result does not depend on it.
     store : path, optional
-        A folder ending in .zarr into which tiles are written as they finish. Of the same study only the tiles that are
-        missing or damaged there are computed; another study is refused, and so is other damage. The Dataset returned
-        reads from it, and memory is bounded by the tiles in flight.
+        A folder ending in .zarr into which tiles are written as they finish. If it holds the same study, only tiles
+        that are missing or damaged are computed; another study, or other damage, raises an error. The returned Dataset
+        reads from the store, and memory is bounded by the tiles being computed.
     tile : int, >= 1, optional
-        Cells of a tile, about, with `store` or `cluster` only; 4096 by default, 4 with the slow back ends "reference"
-        and "fixed-step". A store keeps the tiles it was made with.
+        Approximate number of cells per tile, with `store` or `cluster` only; 4096 by default, 4 with the slow back ends
+        "reference" and "fixed-step". An existing store keeps its tiles.
     cluster : dask.distributed.Client or str, optional
-        Compute on a Dask cluster: a client, `tcp://HOST:PORT` of a running scheduler, or `local:N` for N processes of
-        this machine. Workers may come, go and die; those that see the store write their tiles there themselves. The
-        result does not depend on them.
+        Compute on a Dask cluster: a client, `tcp://HOST:PORT` of a running scheduler, or `local:N` for N processes on
+        this machine. Workers may join, leave and die; those that can reach the store write their tiles there
+        themselves. The result does not depend on them.
     refine, jump : int and float, optional
-        As of `refined_map`.
+        As in `refined_map`.
     progress : bool or callable
-        True shows a bar; a callable gets (cells done, cells in all, Dataset so far) and stops the sweep by returning
-        False: the Dataset so far is returned, unfinished cells `interrupted`.
+        True shows a bar. A callable gets (cells done, cells in all, Dataset so far) and stops the sweep by returning
+        False; the Dataset so far is then returned, with unfinished cells `interrupted`.
     **axes : sequences of numbers
-        Values of parameters by name, strictly increasing; `frequency` in Hz may stand for `omega`.
+        Values of parameters by name, strictly increasing; `frequency` in Hz may replace `omega`.
 
     Returns
     -------
     xarray.Dataset
-        One variable per index, and `status`, over the axes in the order given. An index is NaN where it has no value;
-        the status says why. `attrs` count the impacts and certified steps computed.
+        One variable per index, and `status`, over the axes in the order given. An index without a value is NaN, and the
+        status gives the reason. `attrs` hold the numbers of impacts and certified steps computed.
 
     Raises
     ------
     ValueError
-        No axis, an axis that is empty, unsorted, misnamed or out of range, an unknown index or back end, a start
-        beyond the stop anywhere on the grid, another study in the store, `workers` together with `cluster`; a grid
-        that this machine's memory cannot hold (250 bytes a cell, 8 more for each further index) without `store`; more
-        than 2^40 impacts in all, 2^50 with `store` or `cluster`.
+        There is no axis, or one that is empty, unsorted, unknown or out of range; an index or back end is unknown; an
+        initial condition lies beyond the stop somewhere on the grid; the store holds another study; `workers` and
+        `cluster` are both given; without `store`, the grid does not fit into memory (250 bytes per cell, plus 8 for
+        each further index); the sweep has more than 2^40 impacts in all, or 2^50 with `store` or `cluster`.
     OSError
         The store cannot be read or written, or another process writes to it; no scheduler answers.
 
     Notes
     -----
-    Each cell's numbers are the same bits on whatever grid, tile or thread it is computed. `impacts_per_period` is
-    exactly p/n where a cycle of n periods and p impacts closed. Of a certain cycle (a stable Jacobian, within 1e-10 of
-    the velocity scale of the periodic orbit, at most 4096 impacts) exponent, dissipation, rest and margin are those of
-    the cycle: the exponent is ln of the spectral radius over its time. Other exponents and dissipations err as one over
-    the number of impacts, other margins by 1e-5 of the motion's size; ripples of the gap shorter than half a radian of
-    the fastest rate are overlooked. About 0.1 microseconds per impact and core; closing leaves a sixth of the impacts
-    to compute over the paper's maps.
+    Each cell's numbers are bit for bit the same on every grid, tile and thread. `impacts_per_period` is exactly p/n if
+    a cycle of n periods and p impacts closed. If a cycle is certain (a stable Jacobian, within 1e-10 of the velocity
+    scale of the periodic orbit, at most 4096 impacts), the exponent, dissipation, rest and margin are those of the
+    cycle, and the exponent is ln of the spectral radius divided by the cycle's duration. The error of other exponents
+    and dissipations is of the order of one over the number of impacts, that of other margins 1e-5 of the motion's size;
+    ripples of the gap shorter than half a radian of the fastest rate are missed. Time: about 0.1 microseconds per
+    impact and core; over the paper's maps, closing leaves one sixth of the impacts to compute.
 
     References
     ----------
@@ -154,7 +155,7 @@ def parameter_map(
     """
     check_model(osc)
     if points is None and not axes:
-        raise ValueError("an axis is missing; write for example omega=[1, 2, 3], or points= with a table of designs")
+        raise ValueError("an axis is missing; give one, as in omega=[1, 2, 3], or a table of designs as points=")
     if points is not None and axes:
         raise ValueError(f"give either `points` or the axes {', '.join(axes)}, not both")
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
@@ -165,7 +166,7 @@ def parameter_map(
     request = Request(osc, varied, measurement, check_start(start), backend, time_step, scattered=points is not None)
     check_takes(get_backend(backend, time_step=time_step, elsewhere=cluster is not None), osc.at())
     if by_stop and refine is not None:
-        raise ValueError("`by_stop` does not go with `refine`; give one of the two")
+        raise ValueError("give either `by_stop` or `refine`, not both")
     request.check_cost(STEPS if store is None and cluster is None else STEPS << 10)
     if refine is not None:
         from vibroimpact.refinement import refine_map
@@ -177,7 +178,7 @@ def parameter_map(
     check_place(request, workers, cluster, tile)
     if tile is not None and store is None and cluster is None:
         raise ValueError(
-            f"`tile` goes with a `store` (--out run.zarr) or a `cluster`, got {tile!r} without either; leave it out"
+            f"`tile` needs a `store` (--out run.zarr) or a `cluster`, got {tile!r} without either; leave it out"
         )
     request.check_starts()
     size = tile or usual_tile(request)
@@ -186,7 +187,7 @@ def parameter_map(
 
         with reporter(progress, "cells") as report:
             return run_into_store(request, store, size, partial(computing, cluster, workers), report)
-    hint = "write it to disk tile by tile, store='run.zarr' or --out run.zarr, or take fewer points"
+    hint = "write it to disk tile by tile, store='run.zarr' or --out run.zarr, or use fewer points"
     check_fits("axes", f"span {_spanned(request.shape)}, which take", len(request) * request.cell_size, hint)
     return _in_memory(request, cluster, workers, size, progress)
 
@@ -214,49 +215,51 @@ def _in_memory(
 def refined_map(osc: Model, *, refine: int, jump: float | None = None, **how: Any) -> xr.Dataset:
     r"""Return indices over a plane of parameters, computed finely only where the motion changes.
 
-    The given grid is computed whole. Then, level by level, each square of neighbours is halved in which not all corners
-    show the same motion, by the rule of `classify`,
+    All of the given grid is computed. Then, level by level, each square of neighbours is halved if its corners do not
+    all show the same motion, by the rule of `classify`,
 
     .. math:: (\text{class}, n, p)_i \ne (\text{class}, n, p)_j \quad\text{or}\quad
               |q_i - q_j| > \text{jump} \cdot (\max q - \min q),
 
-    and so are squares that turn out to lie beside such a boundary, and all cells without impacts. The other cells of
-    the fine grid are filled in from their neighbours: the motion is theirs, an index is interpolated linearly.
+    The same is done for squares that turn out to lie next to such a boundary, and all cells without impacts are
+    computed. The other cells of the fine grid are filled in from their neighbours: the motion is theirs, and an index
+    is interpolated linearly.
 
     Parameters
     ----------
     osc : ImpactOscillator, ImpactSystem or family
         The parameters that no axis varies.
     refine : int, 1 to 12
-        How often intervals of the axes are halved: N values become (N - 1) 2^refine + 1, the given ones among them.
+        How often intervals of the axes are halved: N values become (N - 1) 2^refine + 1, including the given ones.
     jump : float, optional
-        Also refine where one of the `indices` differs between neighbours by more than this part of its range over the
-        given grid, > 0 and <= 1. None looks at motions alone.
+        Also refine if one of the `indices` differs between neighbours by more than this fraction of its range over the
+        given grid, > 0 and <= 1. None compares motions only.
     **how
-        As of `parameter_map`, with two axes of two or more values each. The indices by which motions are named,
-        `lyapunov_per_impact`, `n_periods` and `n_impacts`, are always among those computed. A `store` keeps computed
-        cells as they end, and the filled map in the end; `tile` is how many cells a worker of the `cluster` gets at a
-        time. The number of cells in all that `progress` gets is what is known to be needed so far, and grows.
+        As in `parameter_map`, with two axes of two or more values each. The indices that name motions,
+        `lyapunov_per_impact`, `n_periods` and `n_impacts`, are always computed. A `store` keeps computed cells as they
+        end, and the filled map at the end; `tile` is the number of cells that a worker of the `cluster` gets at a time.
+        The total number of cells that `progress` gets is the number known to be needed so far, and may grow.
 
     Returns
     -------
     xarray.Dataset
-        What `parameter_map` returns, over the fine axes, and `level`: at which level a cell was computed, 0 for the
-        given grid, -1 where it was filled in. `attrs` hold `cells_computed`, `fraction_computed`, `filled_in` (what
-        the others hold) and, of a stopped sweep, whose other cells are filled from what there is, `complete` = 0.
+        The result of `parameter_map` over the fine axes, and `level`: the level at which a cell was computed, 0 for the
+        given grid, -1 if it was filled in. `attrs` hold `cells_computed`, `fraction_computed`, `filled_in` (a
+        description of the other cells) and, for a stopped sweep, whose other cells are filled in from the computed
+        ones, `complete` = 0.
 
     Raises
     ------
     ValueError
-        Not two axes, one of them with a single value, or what `parameter_map` refuses.
+        There are not two axes, or one has a single value, or `parameter_map` would raise.
 
     Notes
     -----
-    A computed cell is bit for bit that of `parameter_map` over the fine axes. No impact is never filled in; among
-    motions that hit, an island that lies between the points of the given grid is overlooked. The paper's (omega, mass)
-    plane has detail at every scale: at 4097 x 4097 cells the quadtree computes 22 % of them and 0.5 % of the area shows
-    another motion than the uniform map. Memory is 30 bytes a fine cell, 8 or 4 more for each further index, and some
-    60 MB.
+    A computed cell is bit for bit that of `parameter_map` over the fine axes. Cells without impacts are never filled
+    in. Among motions with impacts, an island that lies between the points of the given grid is missed. The paper's
+    (omega, mass) plane has detail at every scale: at 4097 x 4097 cells, 22 % of them are computed, and 0.5 % of the
+    area shows another motion than the uniform map. Memory is 30 bytes per fine cell, 8 or 4 more for each further
+    index, plus about 60 MB.
 
     References
     ----------
@@ -277,12 +280,12 @@ def refined_map(osc: Model, *, refine: int, jump: float | None = None, **how: An
 
 
 def _check_room_refined(request: Request, levels: int) -> None:
-    """Refuse a refined map that memory cannot hold; a store does not help it, as it is filled in as a whole."""
+    """Raise if memory cannot hold a refined map; a store does not help, since the map is filled in as a whole."""
     from vibroimpact.refinement import DEEPEST
 
     shape = tuple(((size - 1) << min(levels, DEEPEST)) + 1 for size in request.shape)
     size = math.prod(shape) * FINE_CELL
-    check_fits("refine", f"makes {_spanned(shape)}, which take", size, "refine less, or take fewer points")
+    check_fits("refine", f"makes {_spanned(shape)}, which take", size, "refine less, or use fewer points")
 
 
 def _spanned(shape: tuple[int, ...]) -> str:

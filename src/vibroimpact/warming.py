@@ -1,6 +1,7 @@
-"""Compile all kernels beforehand, for an image, a cluster, or a first command that does not wait.
+"""Compilation of all kernels in advance, for an image, a cluster, or a first command without a wait.
 
-Processes compile side by side: first what computing needs, then all that this may ever ask for; they share the cache.
+Processes compile in parallel: first the kernels for computing, then all others that this machine may need; they share
+the cache.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from vibroimpact.progress import Report
 
 
 def one_mass() -> None:
-    """Compute what needs all kernels of one mass."""
+    """Run computations that need all kernels of one mass."""
     osc = vi.ImpactOscillator()
     vi.parameter_map(osc, omega=[1.0, 2.0], indices=tuple(INDICES))
     vi.parameter_map(osc, omega=[1.0, 2.0])
@@ -32,12 +33,12 @@ def one_mass() -> None:
 
 
 def maps_of_systems() -> None:
-    """Compute what needs the kernels of maps of systems."""
+    """Run computations that need the kernels of maps of systems."""
     vi.parameter_map(vi.models.impact_damper(), omega=[1.0, 2.0])
 
 
 def motions_of_systems() -> None:
-    """Compute what needs the kernels of single motions of systems."""
+    """Run computations that need the kernels of single motions of systems."""
     gear = vi.models.idle_gear()
     vi.impact_section(gear)
     vi.find_orbit(gear, n_impacts=-1)
@@ -47,7 +48,7 @@ FAMILIES: tuple[Callable[[], None], ...] = one_mass, maps_of_systems, motions_of
 
 
 def warm_up(report: Report) -> None:
-    """Compile on this machine, on all its cores."""
+    """Compile on all cores of this machine."""
     submitted: set[bytes] = set()
     done, fresh = 0, multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(worker_count(None), fresh, _say_nothing) as processes:
@@ -82,7 +83,7 @@ def _say_nothing() -> None:
 
 
 def _warm_up_here() -> None:
-    """Compile on this machine by a command of its own; what it fails with is this one's error."""
+    """Compile on this machine by a separate command; if that fails, raise its last line."""
     ended = subprocess.run(
         [sys.executable, "-m", "vibroimpact", "warm-up"], capture_output=True, text=True, check=False
     )

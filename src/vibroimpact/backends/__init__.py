@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from importlib import import_module
+from typing import Any
 
 from vibroimpact.backends.base import Backend, ImpactWindow, Measurement, Samples, StroboscopicWindow
 from vibroimpact.backends.one_mass import OfOneMass
@@ -11,7 +13,7 @@ from vibroimpact.cells import Cells
 from vibroimpact.indices import FORCES, INDICES
 from vibroimpact.model import Model
 from vibroimpact.model.oscillator import ImpactOscillator
-from vibroimpact.parameters import unknown
+from vibroimpact.parameters import choice, unknown
 
 __all__ = [
     "BACKENDS",
@@ -36,13 +38,19 @@ BACKENDS = {
 }
 
 
+def check_backend(argument: str, name: Any) -> str:
+    """Return the name of a back end, or say which there are."""
+    if isinstance(name, str) and re.search(r"gpu|nvidia|cuda.", name.lower()):
+        raise unknown(f"`{argument}`", name, BACKENDS, meant="cuda")
+    return choice(argument, name, BACKENDS)
+
+
 def get_backend(name: str, *, time_step: float | None = None, elsewhere: bool = False) -> Backend:
     """Return the back end of that name; `time_step` in s goes with "fixed-step" only (default 0.0005).
 
     One that is to compute `elsewhere`, on the workers of a cluster, need not find here what it needs.
     """
-    if not isinstance(name, str) or name not in BACKENDS:
-        raise unknown("`backend`", name, BACKENDS)
+    check_backend("backend", name)
     if time_step is not None and name != "fixed-step":
         raise ValueError(f"`time_step` goes with back end 'fixed-step' only; leave it out for {name!r}")
     options = {} if time_step is None else {"time_step": time_step}

@@ -60,8 +60,7 @@ class Measurement:
 
     With `early_closing` a cell ends once its cycle is certain, and its sums are finished in closed form. Indices
     `by_stop` are those of the impacts on each stop of a system. Samples are what the window takes; they depend on
-    nothing but window and tolerances. With `firsts` the first impact kept of each cell of systems is given besides, and
-    samples are those of the same motions: an engine that does not know it leaves them to one that does.
+    nothing but window and tolerances. With `firsts` the `cpu` back end also gives the first impact kept.
     """
 
     window: ImpactWindow | StroboscopicWindow

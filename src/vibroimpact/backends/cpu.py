@@ -77,7 +77,8 @@ def _sweeps(cells: Cells, measurement: Measurement) -> Iterator[tuple[Counts, An
 
     served = one_mass.served(cells, measurement)
     if served.any():
-        yield np.flatnonzero(served), scalar.Sweep(one_mass.as_one_mass(cells[served])[0], measurement)
+        oscillators, ahead = one_mass.as_one_mass(cells[served])
+        yield np.flatnonzero(served), scalar.Sweep(oscillators, measurement, ahead)
     if not served.all():
         yield np.flatnonzero(~served), SystemSweep(cells[~served], measurement)
 

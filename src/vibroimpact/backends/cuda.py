@@ -32,6 +32,7 @@ from vibroimpact.kernels.cycle import FACTS
 from vibroimpact.kernels.lanes import LANES, ROWS
 from vibroimpact.kernels.machine import config
 from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
+from vibroimpact.parameters import to_install
 
 THREADS = 64  # a block
 LOOKS = 32  # between two compactions: some 1000 steps, a few milliseconds
@@ -92,7 +93,7 @@ def _numba_cuda() -> Any:
 
 def _lack() -> tuple[str, str] | None:
     if not (config.ENABLE_CUDASIM or find_spec("numba_cuda")):
-        return "numba-cuda is not installed", "install it with `pip install 'vibroimpact[cuda]'`"
+        return "numba-cuda is not installed", f"{to_install('cuda')} installs it"
     cuda = _numba_cuda()
     if cuda.is_available():
         return None

@@ -59,7 +59,7 @@ def is_one_mass(cells: SystemCells) -> NDArray[np.bool_]:
 
 def served(cells: SystemCells, measurement: Measurement) -> NDArray[np.bool_]:
     """Return which cells the engine of one mass can answer for, all that is asked."""
-    able = not measurement.firsts and INDICES.keys() >= set(measurement.indices)
+    able = INDICES.keys() >= set(measurement.indices)
     return is_one_mass(cells) if able else np.zeros(len(cells), bool)
 
 

@@ -141,8 +141,9 @@ def _status(end: int, flags: list[bool], window: ImpactWindow) -> Status:
 class Sweep:
     """Cells that threads share, and what has become of them."""
 
-    def __init__(self, cells: Cells, measurement: Measurement) -> None:
+    def __init__(self, cells: Cells, measurement: Measurement, ahead: Floats | None = None) -> None:
         self.measurement, self.thorough = measurement, measurement.thorough
+        self._ahead = np.zeros(len(cells)) if ahead is None else ahead  # of the phase that is asked for
         self.cells = rows_of(cells)
         self.results = np.zeros((len(cells), len(THOROUGH if self.thorough else PLAIN)))
         self.ends = np.zeros(len(cells), dtype=np.int8)
@@ -163,7 +164,14 @@ class Sweep:
 
     def outcome(self, done: Counts | slice) -> Outcome:
         """Return the outcome of cells that have ended."""
-        return with_stop_axis(outcomes(self.results[done], self.ends[done], self.window), self.measurement)
+        outcome = outcomes(self.results[done], self.ends[done], self.window)
+        if self.thorough and self.measurement.firsts:
+            columns, full = dict(zip(THOROUGH, self.results[done].T, strict=True)), self.ends[done] == FILLED
+            outcome["first_stop"] = np.where(full, 0, -1)
+            outcome["first_phase"] = (columns["first_phase"] - self._ahead[done]) % 1.0
+            outcome["first_velocity"] = columns["first_velocity"]
+            outcome["struck"] = full.astype(np.int64)
+        return with_stop_axis(outcome, self.measurement)
 
     def follow(self, run: _Run) -> None:
         """Measure the only cell, and record its run up to there, or to its own end."""

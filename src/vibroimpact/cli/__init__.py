@@ -10,7 +10,7 @@ from contextlib import nullcontext
 from typing import Annotated, Any
 
 from vibroimpact.cli.endings import FAILED, INTERRUPTED, WRONG_REQUEST, Ended
-from vibroimpact.parameters import printable
+from vibroimpact.parameters import OF_ONE_MASS, printable
 from vibroimpact.progress import Pulse, interruptible
 
 __all__ = ["main"]
@@ -44,7 +44,7 @@ def _run(arguments: Sequence[str] | None) -> int:
             return _report("interrupted", INTERRUPTED)
         except Exception as error:
             if hasattr(error, "format_message"):  # typer's own refusals, whichever click it carries
-                return _report(f"{error.format_message()} Try --help.", WRONG_REQUEST)
+                return _report(_refusal(error), WRONG_REQUEST)
             raise
     except KeyboardInterrupt:
         return _report("interrupted", INTERRUPTED)
@@ -57,6 +57,16 @@ def _run(arguments: Sequence[str] | None) -> int:
         return _report("out of memory; reduce the number of points or samples", FAILED)
     except Exception as error:
         return _report(f"{type(error).__name__}: {error}", FAILED)
+
+
+def _refusal(error: Any) -> str:
+    """Return what typer refused, and what to type instead."""
+    name = str(getattr(error, "option_name", "")).lstrip("-").replace("-", "_")
+    parameter = next((each.name for each in OF_ONE_MASS.values() if name and name in (each.name, each.symbol)), "")
+    if parameter:
+        return f"no option {error.option_name!r}: parameters are given as -p {parameter}=VALUE"
+    path = error.ctx.command_path if getattr(error, "ctx", None) else "vibroimpact"
+    return f"{error.format_message()} Try `{path} --help`."
 
 
 def _report(message: str, code: int) -> int:
@@ -84,6 +94,7 @@ def commands() -> Any:
 
     from vibroimpact.cli.compute import basins, compare, describe, diagram, parameter_map, section, simulate
     from vibroimpact.cli.files import explore, info, plot, reproduce, warm_up
+    from vibroimpact.cli.models import models
     from vibroimpact.cli.orbits import boundary, follow, orbit
 
     app = typer.Typer(
@@ -129,6 +140,7 @@ def commands() -> Any:
         "Motions and sweeps": {"simulate": simulate, "section": section, "diagram": diagram, "map": parameter_map},
         "Orbits and boundaries": {"orbit": orbit, "continue": follow, "boundary": boundary, "basins": basins},
         "Verdicts": {"describe": describe, "compare": compare},
+        "Machines": {"models": models},
         "Explorer": {"explore": explore},
         "Files": {"plot": plot, "info": info, "reproduce": reproduce, "warm-up": warm_up},
     }

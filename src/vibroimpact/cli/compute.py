@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -14,7 +13,7 @@ from vibroimpact.cli import schema as o
 from vibroimpact.cli.endings import Interrupted, WrongRequest, refusing
 from vibroimpact.cli.options import Option, Options, with_options
 from vibroimpact.cli.study import Study, name_of, span_values, study_of
-from vibroimpact.compiling import before_compiling
+from vibroimpact.compiling import before_compiling, clock
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
@@ -61,10 +60,10 @@ def _motion(function: str, study: Study, options: Options) -> None:
     for shown in ("coordinate", "stop"):
         if options[shown] is not None and not output.is_figure(options["out"]):
             raise WrongRequest(f"`--{shown}` needs a figure; add for example --out figure.png")
-    began = perf_counter()
+    began = clock()
     with refusing(), before_compiling(study.announce):
         dataset = _call(function, study)
-    output.hand_on(dataset, options, perf_counter() - began)
+    output.hand_on(dataset, options, clock() - began)
 
 
 @with_options(
@@ -240,13 +239,14 @@ def _call(function: str, study: Study, **more: Any) -> xr.Dataset:
 # Verdicts
 
 
-@with_options(o.MODEL, o.SEARCH, o.WORKERS, o.JSON)
+@with_options(o.MODEL, o.SEARCH, o.WORKERS, o.FULL, o.JSON)
 def describe(options: Options) -> None:
     """What it does, how hard it hits, how far it is from another motion, and ways to soften the impacts.
 
     For example:
 
       vibroimpact describe -p omega=2.8
+      vibroimpact describe -p omega=2.8 --full
       vibroimpact describe study.toml --vary omega,gap --json
     """
     study = study_of(options)
@@ -256,7 +256,15 @@ def describe(options: Options) -> None:
         verdict = vibroimpact.describe(
             study.model, progress=meter, **_search(study, options), **study.arguments("describe")
         )
-    typer.echo(output.as_json(verdict.to_dict()) if options["json"] else str(verdict))
+    if options["json"]:
+        typer.echo(output.as_json(verdict.to_dict()))
+    elif options["full"]:
+        typer.echo(str(verdict))
+    else:
+        from vibroimpact.verdict.text import short_lines
+
+        typer.echo("\n".join(short_lines(verdict)))
+        typer.echo("--full shows the impacts, stability, boundaries, all motions and all advice", err=True)
     if not verdict.complete:
         raise Interrupted("interrupted; what was found so far is shown")
 

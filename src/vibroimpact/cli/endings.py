@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from vibroimpact.parameters import MissingExtra
+
 FAILED, WRONG_REQUEST, INTERRUPTED = 1, 2, 130
 
 
@@ -33,9 +35,7 @@ def refusing(*errors: type[OSError]) -> Iterator[None]:
     """Turn refused arguments, a missing extra, and these errors into a `WrongRequest`; anything else is a failure."""
     try:
         yield
-    except ImportError as error:
-        if "vibroimpact[" not in str(error):  # an import of a user's model, say
-            raise
+    except MissingExtra as error:  # others are of a user's model, say
         raise WrongRequest(str(error)) from error
     except errors as error:
         raise WrongRequest(error.strerror or str(error)) from error

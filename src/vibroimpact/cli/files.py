@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -19,9 +20,11 @@ from vibroimpact.cli import schema as o
 from vibroimpact.cli.endings import REFUSALS, Interrupted, refusing
 from vibroimpact.cli.options import FLAG, PATH, Option, Options, with_options
 from vibroimpact.parameters import printable
-from vibroimpact.progress import Meter
+from vibroimpact.progress import Meter, duration, remaining
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from vibroimpact.execution.store import SweepStore
 
 
@@ -41,20 +44,27 @@ def plot(options: Options) -> None:
       vibroimpact plot map.zarr --out map.csv
     """
     output.check_looks(options)
-    from vibroimpact.files import load
-    from vibroimpact.report import sentences_of
-
     with refusing(OSError):
-        dataset = load(options["file"])
         over = output.read(options, "over")
-        with _understood(options["file"]):
-            lines = sentences_of(dataset)
+    dataset = _summarise(options["file"], shown=options["out"] is None)
     if options["out"] is None:
-        typer.echo("\n".join(map(printable, lines)))
         return
     with _understood(options["file"]):
         output.write(dataset, options, options["out"], over)
     typer.echo(f"wrote {options['out']}")
+
+
+def _summarise(file: Path, *, shown: bool = True) -> xr.Dataset:
+    """Return a saved result that has been understood, with its sentences printed."""
+    from vibroimpact.files import load
+    from vibroimpact.report import sentences_of
+
+    with refusing(OSError), _understood(file):
+        dataset = load(file)
+        lines = sentences_of(dataset)
+    if shown:
+        typer.echo("\n".join(map(printable, lines)))
+    return dataset
 
 
 @contextmanager
@@ -69,7 +79,15 @@ def _understood(path: Path) -> Iterator[None]:
         raise OSError(f"{str(path)!r} is damaged, or no result of this package ({what}); make it again") from error
 
 
-@with_options(Option("file", "STORE", "A map written tile by tile, as a .zarr.", flags=(), required=True))
+@with_options(
+    Option(
+        "file",
+        "STORE",
+        "A map written tile by tile, as a .zarr.",
+        flags=(),
+        required=True,
+    )
+)
 def info(options: Options) -> None:
     """Progress of a stored map, what it cost and found, and how to continue it.
 
@@ -77,7 +95,11 @@ def info(options: Options) -> None:
 
       vibroimpact info map.zarr
     """
-    typer.echo("\n".join(map(printable, sentences_of_store(options["file"]))))
+    file: Path = options["file"]
+    if file.is_file():  # no store, which is a folder
+        _summarise(file)
+        return
+    typer.echo("\n".join(map(printable, sentences_of_store(file))))
 
 
 @with_options(
@@ -103,7 +125,7 @@ def reproduce(options: Options) -> None:
                 )
         except KeyboardInterrupt as error:
             raise Interrupted(str(error) or "interrupted") from error
-    typer.echo(f"wrote {report} ({meter.seconds:.3g} s)")
+    typer.echo(f"wrote {report} ({duration(meter.seconds)})")
 
 
 @with_options(
@@ -161,12 +183,13 @@ def warm_up(options: Options) -> None:
     """
     from vibroimpact import warming
 
+    began = perf_counter()
     with refusing(), Meter("kernels", keeps=False) as meter:
         if options["cluster"] is None:
             warming.warm_up(meter)
         else:
             warming.warm_up_cluster(options["cluster"], meter)
-    typer.echo(f"all kernels are compiled ({meter.seconds:.3g} s)")
+    typer.echo(f"all kernels are compiled ({duration(perf_counter() - began)})")
 
 
 # Maps that are written tile by tile
@@ -230,7 +253,7 @@ def replacing_store(place: Path, out: Path) -> Iterator[None]:
 def state_of(out: Path, seconds: float) -> str:
     """Return in one line what a store holds after a run."""
     store = _opened(out)
-    return f"{out}: {_progress(store)[0] if store else 'nothing'} ({seconds:.2g} s)"
+    return f"{out}: {_progress(store)[0] if store else 'nothing'} ({duration(seconds)})"
 
 
 def sentences_of_store(path: Path) -> Iterator[str]:
@@ -295,8 +318,8 @@ def _progress(store: SweepStore) -> list[str]:
     else:
         lines = [f"{done:,} of {needed:,} cells computed (the total may grow), for a map of {cells:,}"]
     if done:
-        seconds_left = summary["seconds"] * (needed - done) / done
-        more = f", about {seconds_left:.2g} s left" if seconds_left else ""
-        lines.append(f"{summary['seconds']:.3g} s elapsed, {summary['impacts']:.3g} impacts{more}")
+        left = remaining(done, needed, summary["seconds"])
+        more = f", about {left}" if left else ""
+        lines.append(f"{duration(summary['seconds'])} elapsed, {summary['impacts']:.3g} impacts{more}")
         lines.append(", ".join(f"{word.replace('_', ' ')} {count:,}" for word, count in summary["statuses"].items()))
     return lines

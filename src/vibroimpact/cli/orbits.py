@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, fields
-from time import perf_counter
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
@@ -16,9 +15,8 @@ from vibroimpact.cli import schema as o
 from vibroimpact.cli.endings import Ended, WrongRequest, refusing
 from vibroimpact.cli.options import Options, numbers, with_options
 from vibroimpact.cli.study import Study, study_of
-from vibroimpact.compiling import before_compiling
-from vibroimpact.parameters import counted
-from vibroimpact.progress import Meter
+from vibroimpact.compiling import before_compiling, clock
+from vibroimpact.progress import Meter, duration
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -51,19 +49,19 @@ def orbit(options: Options) -> None:
     """
     study = study_of(options)
     output.check_looks(options, (".json",))
-    began = perf_counter()
+    began = clock()
     with before_compiling(study.announce):
         orbits = _find(study, options)
     out = options["out"]
     if out is not None and out.suffix.lower() == ".json":
         output.write_json(orbits_json(orbits, study.model), options, out)
-        typer.echo(f"wrote {out} ({perf_counter() - began:.2g} s)")
+        typer.echo(f"wrote {out} ({duration(clock() - began)})")
         return
     arguments = {name: options[name] for name in ("stops", "symmetric", "near") if options[name]}
     arguments = (
         {"n_periods": options.value("n_periods"), **arguments} if "stops" in arguments else _type(options) | arguments
     )
-    output.hand_on(orbits_dataset(orbits, study.model, arguments), options, perf_counter() - began)
+    output.hand_on(orbits_dataset(orbits, study.model, arguments), options, clock() - began)
 
 
 def _type(options: Options) -> dict[str, Any]:
@@ -119,7 +117,7 @@ def orbits_dataset(orbits: Orbits[Any], model: Model, arguments: Mapping[str, An
     }
     for key, (kept, long_name) in whole.items():
         content[key] = xr.Variable("orbit", np.array(kept, np.int32), {"long_name": long_name, "units": "1"})
-    outcome = {"outcome": orbits.outcome, "message": _sentence(orbits)}
+    outcome = {"outcome": orbits.outcome, "message": orbits.sentence}
     outcome["messages"] = json.dumps([orbit.message for orbit in orbits])
     if several:
         content |= _struck(orbits, max(counts, default=0))
@@ -155,7 +153,7 @@ def orbits_json(orbits: Orbits[Any], model: Model) -> dict[str, Any]:
     return {
         design.kind: design.plain(),
         "outcome": orbits.outcome,
-        "message": _sentence(orbits),
+        "message": orbits.sentence,
         "orbits": [_plain(orbit) for orbit in orbits],
     }
 
@@ -183,12 +181,6 @@ def _without_nan(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_without_nan(entry) for entry in value]
     return None if isinstance(value, float) and math.isnan(value) else value
-
-
-def _sentence(orbits: Orbits[Any]) -> str:
-    if orbits.outcome == "inadmissible":
-        return f"no admissible {orbits[0].name} orbit: the equations have {len(orbits)}"
-    return orbits.message or counted(len(orbits), f"{orbits[0].name} orbit")
 
 
 # Branches

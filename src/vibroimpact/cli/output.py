@@ -12,7 +12,7 @@ from vibroimpact.cli.endings import Interrupted, WrongRequest, refusing
 from vibroimpact.cli.options import Options
 from vibroimpact.figures import EXPONENTS, KINDS, MOTION, kind_of_index, kinds_of
 from vibroimpact.parameters import choice
-from vibroimpact.progress import Meter, speed
+from vibroimpact.progress import Meter, duration, speed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,12 +26,12 @@ def hand_on(dataset: xr.Dataset, options: Options, seconds: float, over: xr.Data
     """Write a result to its file, or print its sentences."""
     if options["out"] is not None:
         write(dataset, options, options["out"], over)
-        typer.echo(f"wrote {options['out']} ({seconds:.2g} s)")
+        typer.echo(f"wrote {options['out']} ({duration(seconds)})")
         return
     from vibroimpact.report import sentences_of
 
     rate = speed(int(dataset.attrs.get("impacts_computed", 0)), seconds)
-    for line in (*sentences_of(dataset), ", ".join(filter(None, (f"computed in {seconds:.2g} s", rate)))):
+    for line in (*sentences_of(dataset), ", ".join(filter(None, (f"computed in {duration(seconds)}", rate)))):
         typer.echo(line)
 
 

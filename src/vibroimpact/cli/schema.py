@@ -44,9 +44,9 @@ def _indices(name: str, value: Any) -> tuple[str, ...]:
 
 
 def _backend(name: str, value: Any) -> str:
-    from vibroimpact.backends import BACKENDS
+    from vibroimpact.backends import check_backend
 
-    return choice(name, value, BACKENDS)
+    return check_backend(name, value)
 
 
 def _coordinates(name: str, value: Any) -> Any:
@@ -371,6 +371,7 @@ DIAGRAM = _output(
     "diagram", "",
     "Draw the figure over the bifurcation diagram of the settled motion. (400 values, or those of --x)", kind=FLAG,
 )  # fmt: skip
+FULL = _output("full", "", "Print the whole verdict, with its boundaries.", kind=FLAG)
 JSON = _output("json", "", "Print as JSON.", kind=FLAG)
 
 # Study files

@@ -8,6 +8,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,11 +17,11 @@ from vibroimpact.beside import compile_beside
 from vibroimpact.cli.endings import refusing
 from vibroimpact.cli.options import Options
 from vibroimpact.cli.schema import ENDS, TABLES
-from vibroimpact.cli.units import has_unit, mixed_units_warning, without_unit
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
+from vibroimpact.model.units import has_unit, without_unit
 from vibroimpact.options import Tolerances
-from vibroimpact.parameters import Parameter, invalid, unknown, whole_number
+from vibroimpact.parameters import Parameter, closest, invalid, unknown, whole_number
 
 if TYPE_CHECKING:
     from vibroimpact.cells import Floats
@@ -92,12 +93,30 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
-        message = f"`study` {str(path)!r} cannot be read ({error.strerror}); give the name of a TOML file"
+        message = f"`study` {str(path)!r} cannot be read ({error.strerror}); {_instead_of(path)}"
         raise OSError(error.errno, message) from error
     except ValueError as error:
-        raise ValueError(f"`study` {str(path)!r} is invalid TOML: {error}") from error
+        if path.suffix.lower() == ".toml":
+            raise ValueError(f"`study` {str(path)!r} is invalid TOML: {error}") from error
+        raise ValueError(f"`study` {str(path)!r} is no study file (TOML); {_instead_of(path)}") from error
     except RecursionError:
         raise ValueError(f"`study` {str(path)!r} is invalid TOML: its values are nested too deeply") from None
+
+
+def _instead_of(path: Path) -> str:
+    """Return what was probably meant by what was typed in place of a study file."""
+    text, ending = str(path), path.suffix.lower()
+    if "=" in text:
+        flag = "--x" if ":" in text else "-p"
+        return f"did you mean `{flag} {text}`?"
+    if ending == ".py":
+        return f"did you mean `--model {text}:NAME`?"
+    if ending in (".zarr", ".nc"):
+        return f"a saved result is shown by `vibroimpact plot {text}`"
+    with suppress(OSError):
+        if near := closest(path.name, [each.name for each in path.parent.iterdir() if each.suffix == ".toml"]):
+            return f"did you mean {str(path.parent / near)!r}?"
+    return "give the name of a TOML file, and parameters as -p NAME=VALUE"
 
 
 def make_study(
@@ -285,3 +304,12 @@ def span_values(parameter: Parameter, span: Mapping[str, Any], least: int = 1) -
     if reader.faults:
         raise ValueError("\n".join(reader.faults))
     return np.linspace(low, high, points)
+
+
+def mixed_units_warning(names: set[str]) -> str:
+    """Return a warning where numbers in SI stand beside numbers of the paper, which are dimensionless."""
+    table, usual = ImpactOscillator.parameters, ImpactOscillator()
+    names = {table[name].replaces or name for name in names}
+    defaults = [name for name in ("mass", "damping", "stiffness", "amplitude", "omega") if name not in names]
+    numbers = ", ".join(f"{name} = {getattr(usual, name):g} {table[name].unit}" for name in defaults)
+    return f"numbers of the paper stand beside your own: {numbers}; give them too" if defaults else ""

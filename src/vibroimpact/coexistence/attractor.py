@@ -20,12 +20,14 @@ from vibroimpact.coexistence import systems
 from vibroimpact.coexistence.final import release_phase, released
 from vibroimpact.coexistence.measuring import AT_REST, QUIET, Measured, Runner
 from vibroimpact.coexistence.settling import Settled, chaotic_groups, clusters
+from vibroimpact.coexistence.systems import BOXES, SHARED
 from vibroimpact.model import State
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.orbits.orbit import Impacts, same_orbit
 from vibroimpact.orbits.systems import SystemOrbit
+from vibroimpact.showing import Shown, Table
 from vibroimpact.status import Status
 
 SAME = 1e-6  # `orbit_distance` between cycles that are one
@@ -33,13 +35,11 @@ SAME = 1e-6  # `orbit_distance` between cycles that are one
 ENERGY_GAP = 1e-7  # of m V^2, of a cycle's loss per period
 EXPONENT_GAP = 1e-5  # per period; the logarithm of two equal multipliers is good to 1e-5
 MISS_GAP = 1e-6  # of V/w_n
-BOXES = 64  # along phase and along velocity
-SHARED = 0.5  # of the impacts of two chaotic motions in the same boxes: above this they are one attractor
 WANDERING = 4000  # impacts, at most, from a release to the next rest that are sampled of intermittent sticking
 
 
-@dataclass(frozen=True)
-class Attractor:
+@dataclass(frozen=True, repr=False)
+class Attractor(Shown):
     """A settled motion, and the share of initial conditions that lead to it.
 
     Parameters
@@ -110,6 +110,17 @@ class Attractor:
     def name(self) -> str:
         """The motion in two or three words."""
         return self.motion.name
+
+    def _table(self) -> Table:
+        facts = {
+            "share of the initial conditions [%]": 100.0 * self.share,
+            "hardest impact [m/s]": self.max_velocity,
+            "mean impact velocity [m/s]": self.mean_velocity,
+            "Std of the impact velocities [m/s]": self.std,
+            "largest Lyapunov exponent [1/s]": self.lyapunov,
+            "energy lost per driving period [J]": self.dissipation,
+        }
+        return Table(self.name, ("", ""), [fact for fact in facts.items() if not math.isnan(fact[1])])
 
 
 def distinct_names(attractors: Sequence[Attractor]) -> list[str]:
@@ -272,11 +283,12 @@ def match(runner: Runner, settled: Settled, longest: ImpactWindow, counted: int)
 
 
 def _by_impacts(runner: Runner, settled: Settled, longest: ImpactWindow) -> Iterator[Basin]:
-    """Yield what strikes stops: cycles by their impacts, and one of each kind of what does not repeat."""
-    for at, motion, members in systems.cycles(runner, settled):
-        yield Basin(of_system(settled.osc, settled[at], motion), members)
+    """Yield what strikes stops: cycles and chaos by their impacts, and one of each kind of what else has no period."""
+    for found in systems.cycles(runner, settled), systems.chaos(runner, settled, longest):
+        for at, motion, members in found:
+            yield Basin(of_system(settled.osc, settled[at], motion), members)
     endless = settled.indices["n_periods"] == 0
-    for kind in MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC, MotionClass.STICKING:
+    for kind in MotionClass.QUASI_PERIODIC, MotionClass.STICKING:
         members = np.flatnonzero((settled.kind == kind) & endless)
         if members.size:
             at = int(members[0])

@@ -80,7 +80,7 @@ def spread_cells(cell: Cells, number: int = SPREAD) -> Cells:
 
 
 def orbit_cells(osc: Model) -> list[Cells]:
-    """Return an impact of each stable, admissible orbit of one impact in up to 16 periods: all are known exactly."""
+    """Return an impact of each stable orbit of one impact in up to 16 periods: all are known exactly."""
     return [carried(osc, orbit.start) for n in range(1, ONE_IMPACT_PERIODS + 1) for orbit in stable_orbits(osc, n)]
 
 

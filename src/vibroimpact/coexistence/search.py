@@ -115,9 +115,10 @@ def attractors(
     first kept one and mean agree with, within :math:`10^{-6} \|(1 - J)^{-1}\|`, J the derivative of the cycle's map.
     Where every mode decays, impacts determine all coordinates. Impacts on a rigid stop with r = 1, or on an undamped
     compliant one, last where no damping reaches what they start: nothing attracts there, and what strikes such a stop
-    is undecided. All chaotic motions count as one attractor, and so do
-    all quasi-periodic ones, by the rules of `classify`; so do motions that never hit again, also with a mode that
-    nothing damps. Below a second for a periodic system, seconds for a chaotic one.
+    is undecided. A chaotic motion leads to the chaotic attractor whose boxes of the impact surfaces of all stops it
+    visits, at least half as often as that returns to its own. All quasi-periodic motions count as one attractor, by the
+    rules of `classify`; so do motions that never hit again, also with a mode that nothing damps. Below a second for a
+    periodic system, seconds for a chaotic one.
 
     Examples
     --------

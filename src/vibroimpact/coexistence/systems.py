@@ -10,12 +10,14 @@ decays, the impacts of a cycle determine all coordinates.
 With P the map of a cycle, x* its fixed point and J the derivative there, :math:`P(x) - x = (J - 1)(x - x^*)`: a state
 that came back within 1e-7 V is within :math:`\|(1 - J)^{-1}\|` times that of the cycle. Ten times as much is allowed
 for; what lies farther away is followed itself, and joins the cycle that it is found on. No cycle is solved for twice.
+
+Chaos is told apart in the same way, by boxes of the impact surface of each stop that a long sample of it visits.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -24,7 +26,7 @@ from numpy.typing import NDArray
 
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow
 from vibroimpact.backends.base import Counts, Floats, SystemSamples
-from vibroimpact.coexistence.measuring import EQUAL, Runner, carried
+from vibroimpact.coexistence.measuring import EQUAL, SPREAD, Runner, carried
 from vibroimpact.coexistence.settling import Settled
 from vibroimpact.model import Model, State
 from vibroimpact.model.system import ImpactSystem
@@ -38,6 +40,9 @@ SAME = 1e-6  # ten times how near a state must come back; of phases as points of
 FARTHEST = 1e-3  # of those: so far from a cycle its derivative says little
 SOLVED = 64  # impacts of the longest cycle that is solved for
 NEAR = 1e-3  # of an orbit solved for, from the impacts that it was solved from
+BOXES = 64  # of the impact surface, along phase and along velocity
+SHARED = 0.5  # of the impacts of two chaotic motions in the same boxes: above this they are one attractor
+SHORTER = 16  # samples that are compared with that of an attractor, than this
 STEADY = 1000  # driving periods after which a motion in permanent contact is steady
 
 
@@ -166,11 +171,49 @@ def follow(runner: Runner, settled: Settled, at: int, others: Sequence[SettledMo
 def sample(runner: Runner, settled: Settled, at: int, window: ImpactWindow) -> SettledMotion:
     """Return a sample of a motion that does not repeat."""
     samples = _sampled(runner, settled, at, window)
+    if len(samples.impact_phase) < window.keep:  # it ended later on, but not within its own window
+        samples = _sampled(runner, settled, at, ImpactWindow(0, int(settled.indices["impacts"][at]) // 2))
     turns = samples.impact_periods + samples.impact_phase
     state, periods = ended(settled.osc, samples), float(turns[-1] - turns[0])
     return SettledMotion(
         samples.impact_phase, samples.impact_velocity, samples.impact_stop, samples.impact_energy, state, periods
     )
+
+
+def chaos(runner: Runner, settled: Settled, longest: ImpactWindow) -> Iterator[tuple[int, SettledMotion, Counts]]:
+    """Yield every chaotic attractor: a representative, a sample of its impacts, and all that lead to it."""
+    distinct: list[tuple[int, SettledMotion, Callable[[Floats, Floats, Counts], bool], list[Counts]]] = []
+    remaining = np.flatnonzero(settled.kind == MotionClass.CHAOTIC)
+    short = ImpactWindow(longest.transient // SHORTER, max(longest.keep // SHORTER, 1))
+    while remaining.size:
+        at, others = int(remaining[0]), remaining[1:]
+        motion = sample(runner, settled, at, longest)
+        visits, leading = _visits_of(motion), [True]
+        for some in np.split(others, range(SPREAD, len(others), SPREAD)):
+            samples = runner.samples(settled.cells[some], short) if some.size else []
+            leading += [visits(one.impact_phase, one.impact_velocity, one.impact_stop) for one in samples]
+        for _, _, known, members in distinct:
+            if known(motion.phases, motion.velocities, motion.stops):
+                members.append(remaining[leading])
+                break
+        else:
+            distinct.append((at, motion, visits, [remaining[leading]]))
+        remaining = remaining[~np.array(leading)]
+    for at, motion, _, members in distinct:
+        yield at, motion, np.sort(np.concatenate(members))
+
+
+def _visits_of(attractor: SettledMotion) -> Callable[[Floats, Floats, Counts], bool]:
+    """Return the test of whether impacts fall into a chaotic attractor's boxes, half as often as its own return."""
+    height, half = attractor.velocities.max() / BOXES, len(attractor.stops) // 2
+
+    def boxes(phases: Floats, velocities: Floats, stops: Counts) -> NDArray[np.complex128]:
+        corners: NDArray[np.complex128] = np.floor((stops + phases) * BOXES) + 1j * np.floor(velocities / height)
+        return corners
+
+    own = boxes(attractor.phases, attractor.velocities, attractor.stops)
+    least = SHARED * np.isin(own[half:], own[:half]).mean()
+    return lambda *impacts: bool(np.isin(boxes(*impacts), own).mean() > least)
 
 
 def resting(runner: Runner, settled: Settled, at: int) -> State:
@@ -231,7 +274,7 @@ def solved(model: Model, n: int, stops: Counts, turns: Floats, speeds: Floats, e
     times = ((turns - math.floor(turns[0])) * system.period).tolist()
     impacts = Impacts(turns % 1.0, speeds)
     for orbit in find_near(model, n, stops.tolist(), times, end):
-        if orbit.stable and orbit.admissible and same_orbit(orbit, impacts, tolerance=NEAR):
+        if orbit.stable and same_orbit(orbit, impacts, tolerance=NEAR):
             return orbit
     return None
 

@@ -221,14 +221,14 @@ def _orbit_of(model: Model, n: int, p: int) -> Orbit | None:
     osc = model.at()
     if not osc.forgets:
         reached = systems.settled(model, n, p, [WINDOW.transient + WINDOW.keep])
-        return next((orbit for orbit in reached if orbit.stable and orbit.admissible), None)
+        return next((orbit for orbit in reached if orbit.stable), None)
     window = ImpactWindow(WINDOW.transient + WINDOW.keep - 1, 1)
     (last,) = get_backend("cpu").samples(osc.cells({}), Measurement(window))
     if not len(last.impact_velocity):
         return None
     phase, speed = float(last.impact_phase[0]), float(last.impact_velocity[0])
     orbits = find_orbit(model, n_periods=n, n_impacts=p, near=(phase, speed))
-    attracting = [orbit for orbit in orbits if orbit.stable and orbit.admissible]
+    attracting = [orbit for orbit in orbits if orbit.stable]
     return min(attracting, key=lambda orbit: min(abs(v - speed) for v in orbit.velocities), default=None)
 
 

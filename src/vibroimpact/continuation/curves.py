@@ -22,6 +22,7 @@ from vibroimpact.dataset import bifurcation_name
 from vibroimpact.model import Model, check_model
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.motion import cycle_name, listed
+from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking_end import StickingEnd
@@ -311,7 +312,7 @@ class _Search:
 def _unstable(kind: str, orbit: Orbit) -> bool:
     """Whether an orbit on a boundary is stable on neither side: more multipliers than the boundary's are too large."""
     if kind == "grazing":
-        return not orbit.stable and max(orbit.velocities) > 0.0
+        return orbit.spectral_radius >= 1.0 - ROUNDING and max(orbit.velocities) > 0.0
     return max(map(abs, orbit.multipliers)) > CRITICAL
 
 

@@ -21,6 +21,8 @@ from vibroimpact.dataset import (
     variable,
 )
 from vibroimpact.model import Model
+from vibroimpact.parameters import counted
+from vibroimpact.showing import Shown, Table
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -84,8 +86,8 @@ class BifurcationPoint:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Branch:
+@dataclass(frozen=True, eq=False, repr=False)
+class Branch(Shown):
     """The orbits of one (n, p) type along a parameter, in the order of the curve.
 
     Attributes
@@ -115,6 +117,18 @@ class Branch:
         """The parameter at each orbit."""
         return np.array([orbit.value(self.parameter) for orbit in self.orbits])
 
+    def _table(self) -> Table:
+        rows = [
+            (bifurcation_name(point.kind), point.value, max(point.orbit.velocities, default=0.0))
+            for point in self.special
+        ]
+        return Table(
+            f"{self.orbits[0].name} along {self.parameter}: {counted(len(self.orbits), 'orbit')}",
+            ("bifurcation", _with_unit(self.orbits[0].model, self.parameter), "hardest impact [m/s]"),
+            rows,
+            [self.message],
+        )
+
     @property
     def dataset(self) -> xr.Dataset:
         """The branch as a labelled dataset over `point`, its special points over `special`."""
@@ -134,8 +148,8 @@ class Branch:
         return _along(self, content, {self.parameter: self.values}, "continue_orbit", {"parameter": self.parameter})
 
 
-@dataclass(frozen=True, eq=False)
-class Boundary:
+@dataclass(frozen=True, eq=False, repr=False)
+class Boundary(Shown):
     """A fold, period-doubling, grazing or end-of-sticking curve in two parameters.
 
     Attributes
@@ -171,6 +185,17 @@ class Boundary:
     def values(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """The two parameters at each point, shape (points, 2)."""
         return np.array([[orbit.value(name) for name in self.parameters] for orbit in self.orbits])
+
+    def _table(self) -> Table:
+        first = self.orbits[0]
+        lows, highs = (np.nanmin(self.values, axis=0).tolist(), np.nanmax(self.values, axis=0).tolist())
+        names = [_with_unit(first.model, name) for name in self.parameters]
+        return Table(
+            f"{bifurcation_name(self.kind)} of {first.name}: {counted(len(self.orbits), 'point')}",
+            ("parameter", "smallest", "largest"),
+            list(zip(names, lows, highs, strict=True)),
+            [self.message],
+        )
 
     @property
     def dataset(self) -> xr.Dataset:
@@ -226,6 +251,12 @@ def orbit_variables(orbits: Sequence[Any], p: int, dim: str) -> dict[str, xr.Var
             dim, [q.admissible for q in orbits], "whether the mass moves so", ("inadmissible", "admissible")
         ),
     }
+
+
+def _with_unit(model: Model, name: str) -> str:
+    """Return a parameter with its unit."""
+    unit = model.parameters[name].unit
+    return name if unit in ("", "1") else f"{name} [{unit}]"
 
 
 def axis(model: Model, name: str, dims: Any, values: Any) -> xr.Variable:

@@ -62,7 +62,7 @@ class Window:
         """Return the stable orbits that Newton's method reaches at a value from the two nearest ones of the window."""
         nearest = sorted(self.orbits, key=lambda orbit: abs(orbit.value(self.parameter) - value))
         moved = [_moved(orbit, self.parameter, value) for orbit in nearest[:2]]
-        return [orbit for orbit in moved if orbit and _attracts(orbit)]
+        return [orbit for orbit in moved if orbit and orbit.stable]
 
 
 def follow_all(
@@ -157,7 +157,7 @@ def _lies_on(orbit: Orbit, branch: Branch) -> bool:
 
 
 def stable_windows(branches: Branch | Iterable[Branch]) -> list[Window]:
-    r"""Return the windows of the parameter over which the orbits of branches are stable and admissible.
+    r"""Return the windows of the parameter over which the orbits of branches are stable.
 
     Inside, both Floquet multipliers obey :math:`|\mu| < 1`, and each flight ends at the orbit's next impact. The ends
     are the branch's folds, period doublings and grazes, accurate to rounding.
@@ -188,10 +188,10 @@ def _branch_windows(branch: Branch) -> Iterator[Window]:
     parameter = branch.parameter
     special = {point.value: point.kind for point in branch.special}
     orbits = _with_middles(branch, special)
-    for attract, run in groupby(range(len(orbits)), key=lambda i: _attracts(orbits[i])):
+    for stable, run in groupby(range(len(orbits)), key=lambda i: orbits[i].stable):
         places = list(run)
         low, high = sorted([_end(branch, orbits, special, places[0], -1), _end(branch, orbits, special, places[-1], 1)])
-        if attract and low[0] < high[0]:
+        if stable and low[0] < high[0]:
             inside = tuple(orbits[i] for i in places)
             name = inside[0].n_periods, inside[0].n_impacts
             yield Window(parameter, *name, low[0], high[0], (low[1], high[1]), inside)
@@ -260,10 +260,6 @@ def swept_windows(sweep: xr.Dataset) -> list[Window]:
     names = list(zip(sweep["n_periods"].values.tolist(), sweep["n_impacts"].values.tolist(), strict=True))
     runs = [(name, list(run)) for name, run in groupby(range(len(values)), key=names.__getitem__) if name[0] > 0]
     return [Window(parameter, *name, values[run[0]], values[run[-1]], ("grid", "grid")) for name, run in runs]
-
-
-def _attracts(orbit: Orbit) -> bool:
-    return orbit.stable and orbit.admissible
 
 
 def _moved(orbit: Orbit, parameter: str, value: float) -> Orbit | None:

@@ -1,1 +1,1 @@
-"""Cells of a request, computed part by part, and kept in a store."""
+"""Computing the cells of a request part by part, and keeping them in a store."""

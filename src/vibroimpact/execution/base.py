@@ -1,4 +1,4 @@
-"""How the cells of a request are cut into parts, tiles of a grid or lists of cells, and what computes them."""
+"""Cutting the cells of a request into parts, tiles of a grid or lists of cells; the interface of what computes them."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-CELLS = 4096  # of a tile: a quarter of a second's work, in which writing it is 1 % and the last lanes' idling 2 %
-FEW = 4  # cells of a tile with slow back ends: no more may be lost when a sweep ends at once
-LISTED, FEW_LISTED = 1 << 14, 64  # the same, of the cells of a refined map
+CELLS = 4096  # per tile: 0.25 s of work, of which writing takes 1 % and lanes idle at the end 2 %
+FEW = 4  # cells per tile with slow back ends: an interrupted sweep loses no more
+LISTED, FEW_LISTED = 1 << 14, 64  # the same for refined maps
 
-# Cells of a request: by their flat indices, or a box.
+# Cells of a request: their flat indices, or a box of the grid.
 Part = slice | Places | tuple[slice, ...]
-# What comes of parts, as it comes: the number of a part, which of its cells have ended, and their results.
+# Results as they arrive: the number of a part, which of its cells have ended, and their results.
 Pieces = Generator[tuple[int, slice | Places, Any], None, None]
 
 
 def usual_tile(request: Request, *, listed: bool = False) -> int:
-    """Return the cells of a tile unless the user gives a number; `listed`, of those of a refined map."""
+    """Return the usual number of cells per tile; with `listed`, that of a refined map."""
     slow = get_backend(request.backend, time_step=request.time_step, elsewhere=True).slow
     many, few = (LISTED, FEW_LISTED) if listed else (CELLS, FEW)
     return few if slow else many
 
 
 def cut(shape: tuple[int, ...], cells: int = CELLS) -> Tiling:
-    """Cut a grid into tiles of about as many cells, as nearly cubes as it allows.
+    """Cut a grid into tiles of about `cells` cells, as close to cubes as possible.
 
     Examples
     --------
@@ -62,13 +62,13 @@ def flat(part: Part, request: Request) -> Places:
 
 
 class Gathered:
-    """Pieces of parts, until a part is whole."""
+    """Pieces of parts, collected until a part is complete."""
 
     def __init__(self) -> None:
         self._incomplete: dict[int, tuple[Outcome, NDArray[np.bool_]]] = {}
 
     def add(self, part: int, size: int, which: Places, outcome: Outcome) -> Outcome | None:
-        """Add a piece of a part of `size` cells; return the part's results if it is whole now."""
+        """Add a piece of a part of `size` cells; return the part's results once it is complete."""
         if part not in self._incomplete:
             results = {name: np.empty((size, *values.shape[1:]), values.dtype) for name, values in outcome.items()}
             self._incomplete[part] = results, np.zeros(size, bool)
@@ -80,15 +80,15 @@ class Gathered:
 
 
 class Place(Protocol):
-    """Computes cells somewhere."""
+    """The interface of a place that computes cells."""
 
     def part_size(self, request: Request, cells: int) -> int:
-        """Return the number of cells a part should hold where so many are to be computed."""
+        """Return the number of cells that a part should hold when `cells` are to be computed."""
         ...
 
     def compute(self, request: Request, parts: Sequence[Part], stop: Event, store: Path | None = None) -> Pieces:
         """Yield (number of a part, which of its cells have ended, their results) until all have or `stop` is set.
 
-        Whoever sees the `store` may write a tile there and give its record in place of its results.
+        A worker that can reach the `store` may write a tile there, and return its record instead of its results.
         """
         ...

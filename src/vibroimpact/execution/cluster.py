@@ -21,6 +21,7 @@ from vibroimpact.backends.base import Outcome
 from vibroimpact.dataset import package_version
 from vibroimpact.execution.base import Part, Pieces, usual_tile
 from vibroimpact.execution.threads import compute_here
+from vibroimpact.parameters import MissingExtra, to_install
 from vibroimpact.request import Request
 
 if TYPE_CHECKING:
@@ -29,14 +30,14 @@ if TYPE_CHECKING:
     from vibroimpact.execution.layout import Rows
 
 PATIENCE = 5  # seconds within which a scheduler must answer
-LOOK = 0.05  # seconds between two looks for finished tasks, and at whether to stop
-RETRIES = 3  # times that a task which failed is run again; one whose worker died is run again by Dask itself
+LOOK = 0.05  # seconds between checks for finished tasks and for a stop
+RETRIES = 3  # times that a failed task is run again; Dask itself reruns tasks whose worker died
 BATCH = 1000  # tasks submitted together: workers begin while the next ones are being submitted
-PARTS, SMALLEST = 64, 64  # a batch of scattered cells is cut into so many parts, of so many cells or more
+PARTS, SMALLEST = 64, 64  # parts of a batch of scattered cells, and the fewest cells of a part
 LOCAL = re.compile(r"local:([1-9]\d{0,3})")
 REMOTE = re.compile(r"(tcp|tls)://[^/\s]+:\d{1,5}")
-# Dask's watching of itself costs a tenth of a core beside two workers. Here it samples no stacks, and looks at loops,
-# memory and system every second or two instead of every 10 to 500 ms.
+# Dask's monitoring of itself costs a tenth of a core with two workers. Here it takes no stack samples, and checks
+# loops, memory and system every 1 to 2 s instead of every 10 to 500 ms.
 QUIET = {
     "distributed.worker.profile.enabled": False,
     "distributed.worker.memory.monitor-interval": "1s",
@@ -46,26 +47,26 @@ QUIET = {
 
 
 class Cluster:
-    """Computes cells on the workers of a cluster; those that see the store write to it themselves."""
+    """Computes cells on the workers of a cluster; workers that can reach the store write to it themselves."""
 
     def __init__(self, client: Client) -> None:
         self.client = client
 
     def part_size(self, request: Request, cells: int) -> int:
-        """Return the number of cells, of so many, a part should hold: a small batch keeps many workers busy too."""
+        """Return the number of cells that a part should hold, so that a small batch keeps many workers busy too."""
         return min(max(cells // PARTS, SMALLEST), usual_tile(request))
 
     def compute(self, request: Request, parts: Sequence[Part], stop: Event, store: Path | None = None) -> Pieces:
         """Yield (number of a part, all of its cells, their results) as parts finish, until all have or `stop` is set.
 
-        The results of a part that a worker has written into the store are its record.
+        If a worker has written a part into the store, the record of the part replaces its results.
 
         Raises
         ------
         RuntimeError
-            A part was lost with its worker too often.
+            Too many workers died while they computed the same part.
         ConnectionError
-            The scheduler has gone.
+            The scheduler no longer answers.
         """
         from distributed import as_completed
 
@@ -73,7 +74,7 @@ class Cluster:
         if not client.nthreads():
             address = getattr(client.scheduler, "address", "ADDRESS")
             warnings.warn(
-                f"`cluster` has no workers yet; the sweep waits for one: start it with `dask worker {address}`",
+                f"`cluster` has no workers yet; the sweep waits until you start one with `dask worker {address}`",
                 stacklevel=2,
             )
         with _marked(store) as mark:
@@ -83,7 +84,7 @@ class Cluster:
             futures = client.map(_work, parts, key=keys, retries=RETRIES, batch_size=BATCH, pure=False, shared=shared)
             finished = as_completed(futures, loop=client.loop, with_results=True, raise_errors=False)
             waiting = {future.key: (number, future) for number, future in enumerate(futures)}
-            del futures  # workers forget results that no future stands for
+            del futures  # so that workers can release results already received
             try:
                 while waiting:
                     if client.status not in ("running", "connecting"):
@@ -99,13 +100,13 @@ class Cluster:
             finally:
                 finished.clear()
                 if waiting and client.status == "running":
-                    with suppress(Exception):  # the scheduler may be gone, and its work with it
+                    with suppress(Exception):  # the scheduler may be gone
                         client.cancel([future for _, future in waiting.values()])
 
 
 @dataclass(frozen=True)
 class _Shared:
-    """What all tasks of a sweep share."""
+    """The data that all tasks of a sweep share."""
 
     request: Request
     version: str
@@ -114,17 +115,17 @@ class _Shared:
 
 
 def _work(part: Part, shared: _Shared) -> Outcome | Rows:
-    """Compute a part and write it where this machine sees the store; else return its results."""
+    """Compute a part; write it if this machine can reach the store, else return its results."""
     if package_version() != shared.version:
         raise RuntimeError(
-            f"`cluster` has a worker with vibroimpact {package_version()}, but this is {shared.version}; numbers are "
-            "the same everywhere with one version only: install it on all workers"
+            f"`cluster` has a worker with vibroimpact {package_version()}, but this process has {shared.version}; "
+            "results are the same only with equal versions, so install the same one on all workers"
         )
     outcome = compute_here(shared.request, part)
     if shared.store is not None and isinstance(part, tuple) and sees(shared.store, shared.mark):
         from vibroimpact.execution.layout import record_of, write_tile
 
-        with suppress(OSError):  # it sees the store and may not write: the client may, or explains what is wrong
+        with suppress(OSError):  # it may not write: the client writes instead, or reports what is wrong
             arrays = _arrays(shared.store, shared.mark, (*shared.request.indices, "status"))
             write_tile(arrays, part, outcome)
             return record_of(outcome)
@@ -133,10 +134,10 @@ def _work(part: Part, shared: _Shared) -> Outcome | Rows:
 
 @contextmanager
 def _marked(store: Path | None) -> Iterator[str]:
-    """Leave a random word in a store for as long as its tiles are out.
+    """Keep a random word in a store while its tiles are being computed elsewhere.
 
-    The same path on another machine may be another folder, even one with an older copy of the same study: workers write
-    only where they read this word.
+    On another machine, the same path may be another folder, even one with an older copy of the same study: workers
+    write only where they find this word.
     """
     mark = uuid4().hex
     if store is None:
@@ -144,7 +145,7 @@ def _marked(store: Path | None) -> Iterator[str]:
         return
     file = _mark_of(store)
     with suppress(OSError):  # then no worker finds it, and the client writes
-        file.unlink(missing_ok=True)  # never written through a link
+        file.unlink(missing_ok=True)  # so that nothing is written through a link
         file.write_text(mark)
     try:
         yield mark
@@ -160,7 +161,7 @@ def _mark_of(store: Path) -> Path:
 
 
 def sees(store: str, mark: str) -> bool:
-    """Whether this machine sees the store that bears the mark."""
+    """Return whether this machine can reach the store with this mark."""
     file = _mark_of(Path(store))
     try:
         return file.is_file() and file.stat().st_size == len(mark) and file.read_text() == mark
@@ -180,7 +181,7 @@ def _arrays(store: str, mark: str, names: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _checked(future: Any, result: Any) -> Any:
-    """Return the result of a task, or raise what it raised."""
+    """Return the result of a task, or raise its error."""
     from distributed import CancelledError, KilledWorker
 
     if isinstance(result, CancelledError):
@@ -190,26 +191,26 @@ def _checked(future: Any, result: Any) -> Any:
     _, error, trace = result
     if isinstance(error, KilledWorker):
         raise RuntimeError(
-            f"`cluster` has lost a tile with its workers too often ({error}); what a store holds is safe; give the "
-            "workers more memory or time, or a new sweep a smaller `tile`, and run the same again"
+            f"`cluster` has lost too many workers over one tile ({error}); tiles in a store are safe; give the workers "
+            "more memory or time, or start a new sweep with a smaller `tile`, then run the same again"
         ) from error
     raise error.with_traceback(trace)
 
 
 def _lost_scheduler() -> ConnectionError:
     return ConnectionError(
-        "`cluster` has lost its scheduler, which no longer answers; what a store holds is safe; "
-        "start a scheduler and workers, and run the same again"
+        "`cluster` has lost its scheduler, which no longer answers; tiles in a store are safe; "
+        "start a scheduler and workers, then run the same again"
     )
 
 
 @contextmanager
 def connect(cluster: Client | str) -> Iterator[Client]:
-    """Yield a client that is connected; close in the end what was opened here, and nothing else.
+    """Yield a connected client; at the end, close only what was opened here.
 
-    A client given stays open. `tcp://HOST:PORT` or `tls://HOST:PORT` is a running scheduler: `ConnectionError` where
-    none answers within five seconds. `local:N` starts N processes of one thread each on this machine and ends them at
-    the end: `RuntimeError` where they do not start.
+    A given client stays open. `tcp://HOST:PORT` or `tls://HOST:PORT` is a running scheduler (`ConnectionError` if none
+    answers within five seconds). `local:N` starts N single-threaded processes on this machine and ends them afterwards
+    (`RuntimeError` if they do not start).
     """
     from distributed import Client
 
@@ -223,13 +224,12 @@ def connect(cluster: Client | str) -> Iterator[Client]:
 
 
 def check_cluster(cluster: Any) -> None:
-    """Refuse what is not a cluster, before anything is computed or started."""
+    """Raise if `cluster` is not a cluster, before anything is computed or started."""
     try:
         from distributed import Client
     except ImportError as error:
-        raise ImportError(
-            f"`cluster` needs Dask, which is not installed ({error}); "
-            "install it with `pip install 'vibroimpact[cluster]'`"
+        raise MissingExtra(
+            f"`cluster` needs Dask, which is not installed ({error}); {to_install('cluster')} installs it"
         ) from None
     if isinstance(cluster, Client):
         if cluster.asynchronous:
@@ -248,7 +248,7 @@ def _local(processes: int) -> Iterator[Any]:
     from dask import config
     from distributed import LocalCluster
 
-    # On a busy machine, a killed process may take longer to be back than Dask would wait before it drops it.
+    # On a busy machine, a killed process may take longer to restart than Dask waits before it gives it up.
     with config.set({**QUIET, "distributed.deploy.lost-worker-timeout": "1 day"}):
         try:
             cluster = LocalCluster(
@@ -260,13 +260,13 @@ def _local(processes: int) -> Iterator[Any]:
             )
         except RuntimeError as error:
             raise RuntimeError(
-                f"`cluster` is 'local:{processes}', whose processes did not start ({error}); each of them imports the "
-                "script that starts it, so put what the script does below `if __name__ == '__main__':`"
+                f"`cluster` 'local:{processes}': its processes did not start ({error}); each of them imports the "
+                "calling script, so put the statements of the script below `if __name__ == '__main__':`"
             ) from error
         try:
             yield cluster
         finally:
-            with suppress(KeyError):  # Dask may hear twice that a killed process is gone
+            with suppress(KeyError):  # Dask may be notified twice that a killed process is gone
                 cluster.close()
 
 
@@ -277,15 +277,15 @@ def _reach(scheduler: Any) -> Client:
         if isinstance(scheduler, str):
             _knock(scheduler)
         return Client(scheduler, timeout=PATIENCE, set_as_default=False)
-    except Exception as error:  # what answers there may be anything
+    except Exception as error:  # anything may answer at that address
         raise ConnectionError(
-            f"`cluster` is {scheduler!r}, where no scheduler answers within {PATIENCE} seconds "
+            f"`cluster` {scheduler!r}: no scheduler answered within {PATIENCE} seconds "
             f"({type(error).__name__}); start one there with `dask scheduler`, or check address, port and firewall"
         ) from error
 
 
 def _knock(address: str) -> None:
-    """Raise unless a scheduler greets: a client would wait forever for something that listens and says nothing."""
+    """Raise unless a scheduler answers; a client would wait forever for a server that listens but sends nothing."""
     scheme, host, port = urlsplit(address).scheme, urlsplit(address).hostname, urlsplit(address).port
     with socket.create_connection((host, port), PATIENCE) as line:
         if scheme == "tcp":  # the scheduler speaks first: the length of its greeting, in eight bytes

@@ -1,10 +1,10 @@
-"""What lies in a store, and how it is made and written: it appears whole, and one process at a time writes to it.
+"""The layout of a store, and how it is made and written: it appears complete, and one process at a time writes to it.
 
-At the root lie the results, one array per variable, each chunk a tile of the grid. A group `progress` holds the tiles'
-records. The cells of a refined map come in no grid: they are kept in lists, `progress/cells`, of which each chunk is a
-tile, and the picture made of them is drawn at the root in the end.
+The root holds the results, one array per variable, each chunk a tile of the grid. A group `progress` holds the tiles'
+records. The cells of a refined map do not form a grid: they are kept in lists, `progress/cells`, each chunk of which is
+a tile, and the picture made from them is drawn at the root at the end.
 
-Every chunk bears Zarr's checksum: one that was altered is refused by readers of any kind, and computed again here.
+Every chunk has Zarr's checksum: all readers refuse a chunk that was altered, and here it is computed again.
 """
 
 from __future__ import annotations
@@ -40,23 +40,23 @@ if TYPE_CHECKING:
     import xarray as xr
 
 PROGRESS, LIST = "progress", "progress/cells"
-CELL = "cell"  # in the lists: where on the fine grid each cell lies, by its flat index; -1 beyond the end of a batch
+CELL = "cell"  # in the lists: the flat index of each cell on the fine grid; -1 beyond the end of a batch
 LOCK = "lock"
 MARK = "cluster"  # the file in `progress` by which workers of a cluster recognise the store
 PACKING = ZstdCodec(checksum=True)
 PICTURE = 1 << 18  # cells in a chunk of a refined map's picture
-SPARE = 4096  # batches of a refined map, at most: each leaves a tile of the lists half empty
+SPARE = 4096  # the most batches of a refined map: each leaves a tile of the lists half empty
 # The record of a tile: whether it is done (above 0), what it cost, and how many of its cells have each status.
 DONE, MICROSECONDS, IMPACTS, STEPS, FIRST_STATUS = range(5)
 COLUMNS = FIRST_STATUS + len(Status)
 ROWS = 64  # records in a chunk
-FINISHING = 5.0  # seconds for which a process about to end waits for the tile that it is writing
-NEEDED = "cells_needed"  # an attribute of the records of a refined map: how many cells it is known to need
+FINISHING = 5.0  # seconds that a process about to end waits for the tile being written
+NEEDED = "cells_needed"  # an attribute of the records of a refined map: the number of cells it is known to need
 
 Arrays = Mapping[str, NDArray[Any]]
 Rows = NDArray[np.int64]
 Result = TypeVar("Result")
-_writing = Lock()  # held while files are written that belong together
+_writing = Lock()  # held while files that belong together are written
 
 
 class StoreBusy(OSError):
@@ -65,23 +65,23 @@ class StoreBusy(OSError):
 
 @contextmanager
 def locked(lock: Path, store: Path) -> Iterator[None]:
-    """Hold a lock of a store; the system takes it back from a process that ends, however it ends."""
+    """Hold the lock of a store; the system releases it when the process ends, however it ends."""
     from filelock import FileLock, Timeout
 
     holding = FileLock(lock, thread_local=False)
     try:
-        if lock.is_symlink():  # what it means would be emptied
+        if lock.is_symlink():  # its target would be emptied
             lock.unlink()
         holding.acquire(timeout=0.0)
     except Timeout:
         raise StoreBusy(
-            f"`store` is {str(store)!r}, to which another process writes; wait until it has ended, or choose another "
+            f"`store` {str(store)!r} is being written by another process; wait until that has ended, or choose another "
             "name"
         ) from None
     except OSError as error:
         raise PermissionError(
             error.errno,
-            f"`store` is {str(store)!r}, which cannot be written to ({error.strerror or error}); choose another folder",
+            f"`store` {str(store)!r} cannot be written to ({error.strerror or error}); choose another folder",
         ) from error
     try:
         yield
@@ -90,20 +90,20 @@ def locked(lock: Path, store: Path) -> Iterator[None]:
 
 
 def create(folder: Path, request: Request, identity: dict[str, Any], cells: int) -> None:
-    """Make the store of a request, unless another process makes it at the same moment."""
+    """Create the store of a request, unless another process creates it at the same moment."""
     if not folder.parent.is_dir():
-        raise FileNotFoundError(f"`store` is {str(folder)!r}, whose folder does not exist; make it first")
+        raise FileNotFoundError(f"`store` {str(folder)!r}: its folder does not exist; create it first")
     tiling = tiling_of(request, cells)
     _check_room(request, tiling)
     try:
         with scratch_beside(folder) as scratch:
             lay_out(GuardedStore(scratch / folder.name, read_only=False), request, identity, tiling)
-            os.rename(scratch / folder.name, folder)  # refused where a folder that holds something has the name
+            os.rename(scratch / folder.name, folder)  # fails if a folder with content has this name
     except OSError as error:
         if folder.is_dir():
             return
         message = (
-            f"`store` is {str(folder)!r}, which could not be made ({error.strerror or error}); nothing was changed; "
+            f"`store` {str(folder)!r} could not be created ({error.strerror or error}); nothing was changed; "
             "make room there or choose another folder"
         )
         kind = PermissionError if isinstance(error, PermissionError) else OSError
@@ -118,14 +118,14 @@ def tiling_of(request: Request, cells: int) -> Tiling:
 
 
 def is_refined(arguments: Mapping[str, Any]) -> bool:
-    """Whether a request, by its further arguments or its identity, is that of a refined map."""
+    """Return whether a request, given its further arguments or its identity, is that of a refined map."""
     return "refine" in arguments
 
 
 def _check_room(request: Request, tiling: Tiling) -> None:
-    """Refuse tiles of which memory cannot hold one, or whose records it cannot hold."""
+    """Raise if memory cannot hold one tile, or the records of all tiles."""
     many = f"span {math.prod(tiling.shape):,} cells in {len(tiling):,} tiles, whose records take"
-    check_fits("axes", many, len(tiling) * COLUMNS * 8, "take fewer points, or larger tiles")
+    check_fits("axes", many, len(tiling) * COLUMNS * 8, "use fewer points, or larger tiles")
     cells = math.prod(tiling.tile)
     check_fits("tile", f"is {cells:,} cells, which take", cells * request.cell_size, "4096 is usual")
 
@@ -193,17 +193,17 @@ def _label(name: str, dims: tuple[str, ...]) -> xr.Variable:
 
 
 def finish_writing() -> None:
-    """Wait until the tile that this process is writing is whole, and write no more: the process is about to end."""
+    """Wait until the tile being written is complete, and write no more; for a process that is about to end."""
     _writing.acquire(timeout=FINISHING)
 
 
 class TileWriter:
-    """Writes tiles into a store, one at a time, in a thread of its own, into which Ctrl-C does not break.
+    """Writes tiles into a store, one at a time, in a separate thread, which Ctrl-C does not interrupt.
 
-    A tile's numbers are written first and its record last, each file whole or not at all: wherever the process ends, a
-    tile without a record is computed again. Nothing is flushed to the disk by force: chunks that a power failure kept
-    from it fail their checksum and are computed again. `arrays` gives the path in the store of each array that holds
-    tiles, by the name of its variable; `records`, one row per tile, are kept up to date.
+    A tile's numbers are written first and its record last, each file completely or not at all: wherever the process
+    ends, a tile without a record is computed again. Nothing is forced to disk: chunks lost in a power failure fail
+    their checksum and are computed again. `arrays` gives the path in the store of each array that holds tiles, by
+    variable name; `records`, one row per tile, are kept up to date.
     """
 
     def __init__(self, path: Path, tiling: Tiling, arrays: Mapping[str, str], records: Rows) -> None:
@@ -214,7 +214,7 @@ class TileWriter:
         self._thread = ThreadPoolExecutor(1, "store")
 
     def write(self, number: int, result: Arrays | Rows, seconds: float) -> Rows:
-        """Write a tile's results, or take its record from a worker that has written them; return its record."""
+        """Write a tile's results, or take the record from the worker that has written them; return the record."""
 
         def job() -> Rows:
             if isinstance(result, Mapping):
@@ -228,15 +228,15 @@ class TileWriter:
         return self.whole(job)
 
     def is_done(self, number: int) -> bool:
-        """Whether a tile is in the store; those beyond its end never are."""
+        """Return whether a tile is in the store; numbers beyond its end never are."""
         return number < len(self.records) and bool(self.records[number, DONE])
 
     def cost(self, number: int) -> tuple[int, int]:
-        """Return the impacts and steps that a tile took."""
+        """Return the numbers of impacts and steps that a tile took."""
         return int(self.records[number, IMPACTS]), int(self.records[number, STEPS])
 
     def forget(self, numbers: Iterable[int]) -> None:
-        """Take tiles for not done and their numbers for missing: Zarr removes the chunks."""
+        """Mark tiles as not done and their values as missing; Zarr removes the chunks."""
 
         def job() -> None:
             for number in numbers:
@@ -253,7 +253,7 @@ class TileWriter:
         return record
 
     def draw(self, arrays: Arrays, attrs: Mapping[str, Any]) -> None:
-        """Write whole arrays at the root, and attributes, all in one step, once they are written."""
+        """Write whole arrays at the root and, once they are written, all attributes in one step."""
 
         def job() -> None:
             for name, values in arrays.items():
@@ -263,12 +263,12 @@ class TileWriter:
         self.whole(job)
 
     def need(self, cells: int) -> None:
-        """Note how many cells a refined map is known to need."""
+        """Record how many cells a refined map is known to need."""
         if cells > self._rows.attrs.get(NEEDED, 0):
             self.whole(lambda: self._rows.update_attributes({NEEDED: cells}))
 
     def sweep_up(self) -> None:
-        """Remove what runs left behind that were ended in the middle."""
+        """Remove the leftovers of runs that were interrupted."""
 
         def job() -> None:
             for leftover in (self.path / PROGRESS / MARK, *self.path.rglob("*.partial")):
@@ -277,12 +277,12 @@ class TileWriter:
         self.whole(job)
 
     def whole(self, job: Callable[[], Result]) -> Result:
-        """Return the result of a job that writes files which belong together."""
+        """Run a job that writes files which belong together, and return its result."""
 
         def run() -> Result:
             with _writing, _explained(self.path):
                 if not (self.path / "zarr.json").exists():
-                    raise OSError(f"`store` is {str(self.path)!r}, which has been removed; run the same again")
+                    raise OSError(f"`store` {str(self.path)!r} has been removed; run the same again")
                 return job()
 
         return self._thread.submit(run).result()
@@ -293,7 +293,7 @@ class TileWriter:
 
 
 def write_tile(arrays: Mapping[str, Any], part: tuple[slice, ...], result: Arrays) -> None:
-    """Write the results of a tile's cells, in the order of the grid; a tile of a list may be filled in part."""
+    """Write the results of a tile's cells, in the order of the grid; a tile of a list may be partly filled."""
     box = tuple(along.stop - along.start for along in part)
     for name, array in arrays.items():
         values = np.full((*box, *array.shape[len(box) :]), array.fill_value, array.dtype)
@@ -302,19 +302,19 @@ def write_tile(arrays: Mapping[str, Any], part: tuple[slice, ...], result: Array
 
 
 def record_of(result: Arrays) -> Rows:
-    """Return the record of a tile whose results these are, but for the time that it took."""
+    """Return the record of a tile with these results, without the time that it took."""
     counts = np.bincount(result["status"].ravel(), minlength=len(Status))
     return np.array([1, 0, result["impacts"].sum(), result["steps"].sum(), *counts], np.int64)
 
 
 def _keeping(array: Any) -> Any:
-    """Return an array of which chunks equal to the fill value are written too: a file that is not there was lost."""
+    """Return an array that also writes chunks equal to the fill value, so that a missing file means a lost chunk."""
     return array.with_config({"write_empty_chunks": True})
 
 
 @contextmanager
 def _explained(path: Path) -> Iterator[None]:
-    """Say what to do where the disk refuses."""
+    """Add what to do to the message when the disk refuses."""
     try:
         yield
     except OSError as error:
@@ -324,7 +324,7 @@ def _explained(path: Path) -> Iterator[None]:
         file = error.filename2 or error.filename
         reason = os.strerror(error.errno) + (f": {str(file)!r}" if file else "")
         message = (
-            f"`store` is {str(path)!r}, which could not be written to ({reason}); finished tiles are kept; make room "
-            "there or see to its permissions, then run the same again to go on"
+            f"`store` {str(path)!r} could not be written to ({reason}); finished tiles are kept; make room "
+            "there or check its permissions, then run the same again to continue"
         )
         raise kind(error.errno, message) from error

@@ -30,7 +30,7 @@ def computing(cluster: Client | str | None, workers: int | None) -> Iterator[Pla
 
 
 def check_place(request: Request, workers: int | None, cluster: Client | str | None, tile: int | None) -> None:
-    """Refuse what cannot compute a request, before anything is computed or started."""
+    """Raise if these arguments cannot compute the request, before anything is computed or started."""
     for name, value in (("workers", workers), ("tile", tile)):
         if value is not None:
             whole_number(name, value, 1)
@@ -39,6 +39,6 @@ def check_place(request: Request, workers: int | None, cluster: Client | str | N
 
         check_cluster(cluster)
         if workers is not None:
-            raise ValueError(f"give either `workers` or `cluster`, not both; or cluster='local:{workers}'")
+            raise ValueError(f"give either `workers` or `cluster`, not both; instead, give cluster='local:{workers}'")
     engine = get_backend(request.backend, time_step=request.time_step, elsewhere=cluster is not None)
     check_known(request.indices, engine, request.model.at())

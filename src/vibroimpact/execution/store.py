@@ -1,4 +1,4 @@
-"""A sweep on disk: tiles are written as they finish, and a second run goes on where the first one stopped."""
+"""A sweep on disk: tiles are written as they finish, and a second run continues where the first one stopped."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ if TYPE_CHECKING:
 
 
 class SweepStore:
-    """A stored sweep, opened for reading; `OSError` where there is none, or what describes it is damaged."""
+    """A stored sweep, opened for reading; raises `OSError` if there is none or if its description is damaged."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path).absolute()  # the same store wherever the process goes
+        self.path = Path(path).absolute()  # independent of later changes of the working directory
         if not self.path.exists():
             raise FileNotFoundError(
                 f"`store` {str(path)!r} does not exist; {aside_hint(self.path) or 'check the spelling'}"
@@ -66,12 +66,12 @@ class SweepStore:
             self._describe()
         except Exception as error:
             raise OSError(
-                f"`store` is {str(path)!r}, which is no stored sweep, or a damaged one ({_reason(error)}); restore "
-                "that file or delete the store, or choose another name"
+                f"`store` {str(path)!r} is not a stored sweep, or is damaged ({_reason(error)}); restore that "
+                "file, delete the store, or choose another name"
             ) from error
 
     def _describe(self) -> None:
-        """Take from the store what it holds; raise where that does not fit together."""
+        """Read the description of the store; raise if its parts do not match."""
         attrs = dict(self._root.attrs)
         self.identity: dict[str, Any] = json.loads(str(attrs["study"]))
         if key_of(self.identity) != attrs["key"]:
@@ -87,7 +87,7 @@ class SweepStore:
         self._rows = self._root[RECORDS]
         self.tiling = Tiling(self._arrays["status"].shape, tuple(attrs["tile"]))
         for name, array in self._arrays.items():
-            further = array.shape[len(self.tiling.tile) :]  # a further dimension is not cut
+            further = array.shape[len(self.tiling.tile) :]  # further dimensions are not cut
             if (array.shape, array.chunks) != ((*self.tiling.shape, *further), (*self.tiling.tile, *further)):
                 raise ValueError(f"{str(self.path / self.arrays[name] / DESCRIPTION)!r} has other tiles than the store")
         self._needed = self._rows.attrs.get(NEEDED, 0)
@@ -96,7 +96,7 @@ class SweepStore:
         check_fits("store", f"has {len(self.tiling):,} tiles, whose records take", 8 * self._rows.size, "it is damaged")
 
     def _check_files(self, axes: list[str]) -> None:
-        """Raise where a description or an axis, each of one chunk, is lost or damaged."""
+        """Raise if a description or an axis, each of one chunk, is lost or damaged."""
         lists = (LIST,) if self.refined else ()
         self._check_described(PROGRESS, RECORDS, *lists, *self.arrays.values(), *self._drawn, *axes)
         for name in axes:
@@ -110,7 +110,7 @@ class SweepStore:
                 raise FileNotFoundError(f"{str(self.path / name / DESCRIPTION)!r} is missing")
 
     def records(self) -> Rows:
-        """Return the record of every tile, one per row; tiles whose records are damaged count as not done."""
+        """Return the record of every tile, one per row; tiles with damaged records count as not done."""
         rows = np.zeros((len(self.tiling), COLUMNS), np.int64)
         try:
             rows[:] = self._rows[:]
@@ -121,13 +121,13 @@ class SweepStore:
         return rows
 
     def read(self, number: int) -> Arrays:
-        """Return a tile as it lies on disk; raise where a chunk of it is lost or was altered."""
+        """Return a tile as it is stored; raise if a chunk of it is lost or was altered."""
         if not self._has_tile(number):
-            raise OSError(f"`store` is {str(self.path)!r}, which has not the whole tile {number}")
+            raise OSError(f"`store` {str(self.path)!r} does not hold all of tile {number}")
         return {name: np.asarray(array[self.tiling[number]]) for name, array in self._arrays.items()}
 
     def _has_tile(self, number: int) -> bool:
-        """Whether every chunk of a tile is there as it was written: Zarr would read a lost one as missing values."""
+        """Return whether every chunk of a tile is intact; Zarr would read a lost one as missing values."""
         at = tuple(along.start // side for along, side in zip(self.tiling[number], self.tiling.tile, strict=True))
         return all(
             self._has_chunk(self.arrays[name], array, (*at, *(0,) * (array.ndim - len(at))))
@@ -138,11 +138,11 @@ class SweepStore:
         return self._files.is_whole(f"{place}/{array.metadata.encode_chunk_key(at)}")
 
     def damaged(self) -> list[int]:
-        """Return the finished tiles of which a chunk is lost or was altered since it was written."""
+        """Return the finished tiles with a chunk that was lost or altered since it was written."""
         return [number for number in np.flatnonzero(self.records()[:, DONE]).tolist() if not self._has_tile(number)]
 
     def faults(self) -> list[str]:
-        """Return the damages, one line each; running the same sweep again repairs all of them."""
+        """Return the faults, one line each; running the same sweep again repairs all of them."""
         lines = []
         if tiles := len(self.damaged()):
             lines.append(f"{tiles} damaged {'tile' if tiles == 1 else 'tiles'}; computed again when you continue")
@@ -151,28 +151,29 @@ class SweepStore:
         return lines
 
     def is_complete(self) -> bool:
-        """Whether all has been computed, and the picture of a refined map drawn."""
+        """Return whether all cells are computed, and the picture of a refined map is drawn."""
         done = self.records()[:, DONE] > 0
         if not self.refined:
             return bool(done.all())
-        last = np.flatnonzero(done)[-1:]  # batches are numbered as they are made: one that has no record has lost it
+        last = np.flatnonzero(done)[-1:]  # batches are numbered in order: one without a record has lost it
         return self._root.attrs.get("complete") == 1 and bool(last.size and done[: last[0]].all())
 
     def is_whole(self) -> bool:
-        """Whether all has been computed and nothing is damaged."""
+        """Return whether all cells are computed and nothing is damaged."""
         return self.is_complete() and not self.faults()
 
     def _is_drawn(self) -> bool:
-        """Whether every chunk of a refined map's picture is there as it was written."""
+        """Return whether every chunk of a refined map's picture is intact."""
         pictures = {name: self._root[name] for name in self._drawn}
         return all(
             self._has_chunk(name, array, at) for name, array in pictures.items() for at in np.ndindex(array.cdata_shape)
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return the progress of the sweep: tiles and cells done, seconds gone by, impacts, and cells of each status.
+        """Return the progress of the sweep: tiles and cells done, seconds elapsed, impacts, and cells of each status.
 
-        For refined maps, `cells` are those of the picture, and `needed` those known so far to be computed for it.
+        For refined maps, `cells` are those of the picture, and `needed` those that must be computed for it, as far as
+        known.
         """
         records = self.records()
         done = records[records[:, DONE] > 0]
@@ -190,10 +191,10 @@ class SweepStore:
         }
 
     def dataset(self) -> xr.Dataset:
-        """Return the sweep as far as it is done, read from disk where it is looked at.
+        """Return the sweep as far as it is done; values are read from disk only when they are used.
 
-        A chunk that was altered raises `OSError` where it is looked at; one whose file is gone reads as missing cells.
-        Both are what `damaged` finds, and what running the same sweep again repairs.
+        A chunk that was altered raises `OSError` when it is read; a chunk whose file is gone reads as missing cells.
+        `damaged` finds both, and running the same sweep again repairs them.
         """
         dataset = load_lazily(self.path)
         if self.refined:
@@ -207,7 +208,7 @@ class SweepStore:
 
     @contextmanager
     def writing(self) -> Iterator[TileWriter]:
-        """Yield what writes tiles, cleared of what was left half written, lost or altered; let no other process in."""
+        """Clear partial, lost and altered tiles, then yield a writer of tiles; no other process can write meanwhile."""
         with locked(self.path / RECORDS / LOCK, self.path):
             writer = TileWriter(self.path, self.tiling, self.arrays, self.records())
             try:
@@ -219,14 +220,14 @@ class SweepStore:
 
 
 def open_or_create(path: str | os.PathLike[str], request: Request, cells: int) -> SweepStore:
-    """Return the store of a request: the one that exists there, or a new one with tiles of so many cells."""
+    """Return the store of a request: the existing one, or a new one with tiles of `cells` cells."""
     try:
         folder = Path(path)
     except TypeError:
         raise invalid("store", path, "the path of a folder ending in .zarr") from None
     if folder.suffix.lower() != ".zarr":
         raise invalid("store", str(path), "a folder ending in .zarr", "give it that ending")
-    folder = Path(os.path.realpath(folder))  # a link to a folder that is not there yet is followed too
+    folder = Path(os.path.realpath(folder))  # follows links, also to a folder that does not exist yet
     identity = request.identity()
     if folder.exists():
         sweep_up(folder)
@@ -235,8 +236,8 @@ def open_or_create(path: str | os.PathLike[str], request: Request, cells: int) -
     store = SweepStore(folder)
     if store.key != key_of(identity):
         raise ValueError(
-            f"`store` is {str(path)!r}, which holds another study ({differences(store.identity, identity)}); "
-            "choose another name, or ask for what it holds"
+            f"`store` {str(path)!r} holds another study ({differences(store.identity, identity)}); "
+            "choose another name, or request the study that it holds"
         )
     return store
 
@@ -253,9 +254,9 @@ def run_into_store(
     computing: Callable[[], AbstractContextManager[Place]],
     report: Report,
 ) -> xr.Dataset:
-    """Compute the tiles that a store lacks and write them; return the sweep, read from disk where it is looked at.
+    """Compute the tiles that a store lacks and write them; return the sweep, read from disk only when it is used.
 
-    A store made now has tiles of so many `cells`; `computing` is called only if any are left to compute.
+    A new store has tiles of `cells` cells; `computing` is called only if tiles are left to compute.
     """
     store = open_or_create(path, request, cells)
     try:
@@ -296,7 +297,7 @@ def _fill(
 
 
 class _Tally:
-    """How far a stored sweep is, in the shape in which sweeps in memory report it."""
+    """The progress of a stored sweep, in the form in which sweeps in memory report it."""
 
     def __init__(self, store: SweepStore, records: Rows) -> None:
         done = records[records[:, DONE] > 0]
@@ -311,5 +312,5 @@ class _Tally:
         self.dataset.attrs["steps_computed"] += int(record[STEPS])
 
     def report_to(self, report: Report) -> bool:
-        """Report; return whether to go on."""
+        """Report the progress; return whether to continue."""
         return report(self.cells, self.total, self.dataset) is not False

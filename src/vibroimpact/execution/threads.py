@@ -24,16 +24,16 @@ from vibroimpact.request import Places, Request
 
 Result = TypeVar("Result")
 
-SHARE = 1 << 15  # cells that threads share at once, per thread: some 8 MB and a second's work
+SHARE = 1 << 15  # cells that threads share at once, per thread: about 8 MB and 1 s of work
 PARTS = 1024  # parts that threads share at once
-LOOK = 0.1  # seconds between two looks at whether to stop
-GRACE = 10.0  # seconds for which a sweep that is stopped waits for running tiles; later ones are given up
-HASTE = 0.5  # seconds for which one that is left by an exception does so, Ctrl-C among them
-THREADS = "vibroimpact"  # how names of threads that compute begin
+LOOK = 0.1  # seconds between checks for a stop
+GRACE = 10.0  # seconds that a stopped sweep waits for running tiles before it gives them up
+HASTE = 0.5  # the same for a sweep that an exception ends, such as Ctrl-C
+THREADS = "vibroimpact"  # prefix of the names of computing threads
 
 
 def worker_count(workers: int | None) -> int:
-    """Return the number of threads to use; None is one per core that this process may run on."""
+    """Return the number of threads to use; None means one per core available to this process."""
     if workers is not None:
         return whole_number("workers", workers, 1)
     if hasattr(os, "sched_getaffinity"):
@@ -55,13 +55,13 @@ class Threads:
     workers: int
 
     def part_size(self, request: Request, cells: int) -> int:
-        """Return the number of cells, of so many, a part should hold: threads share whatever they get."""
+        """Return the number of cells that a part should hold; threads share parts of any size."""
         return SHARE * self.workers
 
     def compute(self, request: Request, parts: Sequence[Part], stop: Event, store: Path | None = None) -> Pieces:
         """Yield (number of a part, which of its cells have ended, their results) until all have or `stop` is set.
 
-        Parts are begun in their order, some `SHARE` of cells per thread at a time.
+        Parts are begun in order, about `SHARE` cells per thread at a time.
         """
         engine = get_backend(request.backend, time_step=request.time_step)
         first = 0
@@ -80,7 +80,7 @@ class Threads:
 
 
 def _block(request: Request, parts: Sequence[Part], first: int, most: int) -> list[Places]:
-    """Return the cells of the next parts: as many as hold at most so many cells, but one at least."""
+    """Return the cells of the next parts: at least one part, and as many more as keep to `most` cells."""
     block, cells = [flat(parts[first], request)], 0
     while first + len(block) < len(parts) and len(block) < PARTS:
         cells += len(block[-1])
@@ -96,7 +96,7 @@ def run_sweep(
 ) -> Iterator[tuple[Counts | slice, Outcome]]:
     """Yield which cells have ended, and their indices, until all have or `stop` is set.
 
-    No cell depends on another, so neither does the sweep depend on `workers`.
+    No cell depends on another, so the results do not depend on `workers`.
     """
     if not isinstance(engine, SharesCells):
         yield from run_tiles(
@@ -115,7 +115,7 @@ def run_sweep(
 
 
 def run_shared(work: Callable[[Callable[[], bool]], Iterator[Result]], workers: int, stop: Event) -> Iterator[Result]:
-    """Yield what the threads' shared work yields, as it comes."""
+    """Yield the results of work that threads share, as they arrive."""
     results: SimpleQueue[Result | BaseException | None] = SimpleQueue()
 
     def run() -> None:
@@ -148,7 +148,7 @@ def run_shared(work: Callable[[Callable[[], bool]], Iterator[Result]], workers: 
 
 
 def tiles(number: int, workers: int, smallest: int, largest: int) -> list[slice]:
-    """Cut `number` cells into ever smaller tiles: large ones keep lanes full, small ones end all workers together."""
+    """Cut `number` cells into shrinking tiles: large ones keep lanes full, small ones let all workers end together."""
     parts = []
     low = 0
     while low < number:
@@ -164,8 +164,9 @@ def run_tiles(
 ) -> Iterator[tuple[slice, Result]]:
     """Yield each tile with its result, as they finish; no tile is begun once `stop` is set.
 
-    What a tile returns cannot depend on the others, so neither can the sweep depend on `workers`. Tiles that still run
-    GRACE seconds after `stop` was set, or HASTE after the sweep was left, are left to end by themselves, unheard.
+    Tiles do not depend on each other, so the results do not depend on `workers`. Tiles still running GRACE seconds
+    after `stop` was set, or HASTE seconds after an exception, are left to end by themselves, and their results are
+    dropped.
     """
     following: Iterator[slice] = iter(parts)
     pool = ThreadPoolExecutor(workers, thread_name_prefix=THREADS)

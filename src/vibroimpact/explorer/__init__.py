@@ -17,7 +17,7 @@ import webbrowser
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from vibroimpact.parameters import invalid
+from vibroimpact.parameters import MissingExtra, invalid, to_install
 from vibroimpact.progress import wait_for_others
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def make_server(
 ) -> tuple[Server, str]:
     """Return a server that listens in the loop that runs, and its address. Notebooks may frame its page if `framed`."""
     if importlib.util.find_spec("tornado") is None:
-        raise ImportError("the explorer needs the extra [web]; install it with: pip install 'vibroimpact[web]'")
+        raise MissingExtra(f"the explorer needs Tornado, which is not installed; {to_install('web')} installs it")
     from vibroimpact.explorer.address import PRESETS
     from vibroimpact.explorer.models import Find, find_ready_made, open_model
     from vibroimpact.explorer.server import Server, Tabs

@@ -11,21 +11,21 @@ from urllib.parse import parse_qsl, urlencode
 
 from vibroimpact.explorer.limits import Range, parts_of
 from vibroimpact.explorer.models import Find, find_ready_made, first_view, usual_range
-from vibroimpact.explorer.state import CHOICES, View, no_number, table
+from vibroimpact.explorer.state import CHOICES, View, no_number, table, values_of
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
-from vibroimpact.parameters import invalid, unknown
+from vibroimpact.parameters import Parameter, hertz, invalid, unknown
 
 LONGEST = 2000  # characters
 MOST = 40  # entries
 KEYS = ("model", "x", "y", *(choice.key for choice in CHOICES.values()), "start", "pin")  # beside the parameters
 
 
-def keys(model: Model) -> dict[str, str]:
+def keys(parameters: dict[str, Parameter]) -> dict[str, str]:
     """Return names of a model's parameters by their keys in an address: symbols where they serve."""
-    symbols = [parameter.symbol for parameter in table(model).values()]
+    symbols = [parameter.symbol for parameter in parameters.values()]
     names = {}
-    for name, parameter in table(model).items():
+    for name, parameter in parameters.items():
         short = parameter.symbol
         key = short if short.isidentifier() and symbols.count(short) == 1 and short not in KEYS else name
         names[f"{key}_" if key in KEYS else key] = name
@@ -41,9 +41,9 @@ def to_query(view: View) -> str:
     >>> to_query(View())
     'm=1&c=0.01&k=1&f=1&w=2&r=0.8&g=0&x=w,0.025,5&y=m,0.1,5&index=std'
     """
-    names = keys(view.osc)
+    names = keys(view.table)
     pairs = [("model", view.model)] if view.model else []
-    pairs += [(key, _number(view.osc.values[name])) for key, name in names.items()]
+    pairs += [(key, _number(view.values[name])) for key, name in names.items()]
     for axis in ("x", "y"):
         key = next(key for key, name in names.items() if name == getattr(view, axis))
         pairs.append((axis, f"{key},{_numbers(getattr(view, f'{axis}_range'))}"))
@@ -53,7 +53,7 @@ def to_query(view: View) -> str:
             pairs += [(choice.key, text) for text, offered in choice.texts.items() if offered == value]
     if view.start is not None:
         pairs.append(("start", _numbers(parts_of(view.start))))
-    pairs += [("pin", _numbers(pin.values.values())) for pin in view.pins]
+    pairs += [("pin", _numbers(values_of(pin, view.hertz).values())) for pin in view.pins]
     return urlencode(pairs, safe=",:")
 
 
@@ -80,7 +80,7 @@ def from_query(query: str, find: Find = find_ready_made) -> View:
     except ValueError as error:
         raise ValueError("the address must read name=value&name=value; copy the link again") from error
     model = find(dict(pairs).get("model", ""))
-    names = keys(model)
+    names = keys(table(model, dict(pairs).get(CHOICES["hertz"].key) == "1"))
     for name, _ in pairs:
         if name not in KEYS and name not in names:
             raise unknown("part of a view", name if len(name) <= 40 else name[:37] + "...", sorted((*names, *KEYS)))
@@ -106,7 +106,7 @@ def _view(model: Model, names: dict[str, str], entries: dict[str, str], pins: li
         content["start"] = _start(entries["start"], osc.at().coordinates)
     if pins:
         values = [_floats("pin", pin, len(names)) for pin in pins]
-        content["pins"] = tuple(model.replace(**dict(zip(table(model), numbers, strict=True))) for numbers in values)
+        content["pins"] = tuple(model.replace(**dict(zip(names.values(), numbers, strict=True))) for numbers in values)
     return View(**content)
 
 
@@ -198,15 +198,19 @@ def ranges_for(view: View) -> dict[str, Range]:
     For one mass without a case, those of the one whose sliders hold the point best: the most parameters, the first of
     equals. Of other models such as suit the values.
     """
-    values = view.osc.values
+    values = view.values
+    of_mass = view.osc.values
 
     def fitting(preset: Preset) -> int:
         """Return how many parameters the sliders of a case hold."""
-        return sum(low <= values[name] <= high for name, (low, high) in preset.ranges.items())
+        return sum(low <= of_mass[name] <= high for name, (low, high) in preset.ranges.items())
 
     ranges = {name: usual_range(parameter, values[name], view.system) for name, parameter in view.table.items()}
     if not view.model:
         ranges |= (case_of(view) or max(PRESETS, key=fitting)).ranges
+        if view.hertz:
+            low, high = ranges.pop("omega")
+            ranges["frequency"] = hertz(low), hertz(high)
     for name, (low, high) in ranges.items():
         value = values[name]
         ranges[name] = (min(low, value), max(high, value))

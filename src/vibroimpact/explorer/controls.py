@@ -12,12 +12,12 @@ from vibroimpact.explorer.address import BY_NAME, PRESETS, case_of, ranges_for
 from vibroimpact.explorer.limits import Range, allowed_range, parts_of
 from vibroimpact.explorer.models import first_view
 from vibroimpact.explorer.session import Explorer
-from vibroimpact.explorer.state import CHOICES, parameter_label, rounded, shown_unit, symbol
+from vibroimpact.explorer.state import CHOICES, index_label, parameter_label, rounded
 from vibroimpact.figures import MOTION
 from vibroimpact.indices import INDICES
 
 MOST_OTHERS = 12  # offered as initial conditions
-TICKS = ("log", "worst", "boundaries", "settled")  # choices that are made or not
+TICKS = ("hertz", "log", "worst", "boundaries", "settled")  # choices that are made or not
 MENUS = ("index", "samples", "line", "coordinate", "stop")  # choices among several
 NUDGE = 1.0 / 64.0  # of the plane, per arrow key
 ZOOM = 0.5
@@ -121,10 +121,7 @@ class Controls:
     def menus(self) -> dict[str, Menu]:
         """Return every menu; those that offer no choice are empty."""
         view = self.explorer.view
-        names = [
-            (name, f"{name} {symbol(parameter)}" if parameter.symbol != name else name)
-            for name, parameter in view.table.items()
-        ]
+        names = [(name, parameter_label(parameter, units=False)) for name, parameter in view.table.items()]
         coordinates, names_of_stops = range(1, view.system.coordinates + 1), view.system.stop_names
         toward = [("0", "towards the stop"), *((str(number), f"coordinate {number}") for number in coordinates)]
         stops = [("0", "at all stops"), *((str(at), f"at {name}") for at, name in enumerate(names_of_stops, 1))]
@@ -178,7 +175,7 @@ class Controls:
     def rows(self) -> dict[str, tuple[float, float, float]]:
         """Return every parameter as it is now, and the ends of its slider."""
         rows = {}
-        for name, value in self.explorer.view.osc.values.items():
+        for name, value in self.explorer.view.values.items():
             low, high = self.ranges[name]
             if not low <= value <= high:  # ends that made room for a value stay as long as one is beyond its range
                 low, high = self._reach.get(name, (low, high))
@@ -199,10 +196,7 @@ class Controls:
 
 def _index_options() -> list[tuple[str, str]]:
     """Return names and labels of what the plane can show."""
-    return [(MOTION, "motion")] + [
-        (index.name, index.long_name + (f" [{unit}]" if (unit := shown_unit(index.units)) else ""))
-        for index in INDICES.values()
-    ]
+    return [(MOTION, "motion"), *((index.name, index_label(index)) for index in INDICES.values())]
 
 
 class Commands:

@@ -106,7 +106,7 @@ for name, draw, data in [
 
 def _model_lines(view: View) -> str:
     """Return the lines that make the model."""
-    values = ", ".join(f"{name}={value!r}" for name, value in view.osc.values.items())
+    values = ", ".join(f"{name}={value!r}" for name, value in view.values.items())
     if not view.model:
         return f"osc = vi.{type(view.osc).__name__}({values})"
     if view.model in vi.models.__all__:
@@ -119,7 +119,7 @@ def _model_lines(view: View) -> str:
 def study_file(view: View) -> str:
     """Return the plane as a study file."""
     lines = [f'model = "{view.model}"', ""] if view.model else []
-    lines += ["[oscillator]", *(f"{name} = {_toml(value)}" for name, value in view.osc.values.items()), "", "[axes]"]
+    lines += ["[oscillator]", *(f"{name} = {_toml(value)}" for name, value in view.values.items()), "", "[axes]"]
     for axis in ("x", "y"):
         first, last = _axis(view, axis)
         lines.append(f"{getattr(view, axis)} = {{ from = {_toml(first)}, to = {_toml(last)}, points = {FINEST} }}")
@@ -148,7 +148,7 @@ def _motion(explorer: Explorer) -> bytes:
     point = _computed("point", explorer.point)
     text = io.StringIO(newline="")
     writer = csv.writer(text)
-    writer.writerow(["# " + ", ".join(f"{name} = {value!r}" for name, value in point.osc.values.items())])
+    writer.writerow(["# " + ", ".join(f"{name} = {value!r}" for name, value in explorer.view.values.items())])
     writer.writerow(["time [s]", f"{point.shown.name.removesuffix(' y')} [m]", "velocity [m/s]"])
     columns = (point.history[name].tolist() for name in ("time", "displacement", "velocity"))
     writer.writerows(zip(*columns, strict=True))

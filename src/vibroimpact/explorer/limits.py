@@ -175,7 +175,7 @@ def with_axes(view: View, ranges: dict[str, Range]) -> tuple[View, str]:
     try:
         return replace(view, x=x, y=y, x_range=x_range, y_range=y_range), ""
     except ValueError:
-        close = {name: near(view.table[name], view.osc.values[name], ends) for name, ends in ranges.items()}
+        close = {name: near(view.table[name], view.values[name], ends) for name, ends in ranges.items()}
         return with_ranges(replace(view, x=x, y=y, x_range=close[x], y_range=close[y]), x_range, y_range)
 
 

@@ -14,7 +14,7 @@ from vibroimpact.explorer.files import KINDS, File, export
 from vibroimpact.explorer.models import Find, find_ready_made
 from vibroimpact.explorer.plane import Stored
 from vibroimpact.explorer.session import Explorer, Message
-from vibroimpact.explorer.state import View
+from vibroimpact.explorer.state import View, with_minus
 from vibroimpact.explorer.views import Parts, PlaneView, PointView, show_ends, show_line
 from vibroimpact.explorer.work import Pool
 
@@ -64,7 +64,7 @@ class Page:
             "others": lambda others: {**self.point.show_others(others), **self._show_controls()},
             "pins": self.point.show_pins,
             "rest": lambda _: self._show_work(),
-            "message": lambda text: {"message": {"text": text}},
+            "message": lambda text: {"message": {"text": with_minus(text)}},
             "file": _show_file,
         }
         compiling.watching.append(self._work_changed)
@@ -123,12 +123,13 @@ class Page:
         return sorted(latest, key=lambda message: message[0] != "point")
 
     def _show_view(self, view: View) -> Parts:
+        self.point.hertz = view.hertz
         return {
             **self.plane.show_view(view),
             **show_ends(view),
             "address": {"query": to_query(view)},
             **self._show_controls(),
-            "ticks": {name: getattr(view, name) for name in TICKS},
+            "ticks": {name: getattr(view, name) for name in TICKS if name != "hertz" or "omega" in view.osc.values},
             "#about": {"html": self.controls.about()},
             **self._show_work(),
         }

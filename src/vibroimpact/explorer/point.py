@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import vibroimpact as vi
 from vibroimpact.explorer.limits import budget, stiffness, system_of
 from vibroimpact.explorer.plane import TRANSIENT, KeepGoing
-from vibroimpact.explorer.state import View, shown_unit
+from vibroimpact.explorer.state import View, written
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.model import Model, State
 from vibroimpact.motion import MotionClass, decide, motion_name
@@ -339,8 +339,11 @@ def _periods(value: float) -> str:
     return f"{value:.2g} period" + ("" if value == 1.0 else "s")
 
 
-def index_text(index: str, value: float) -> str:
-    """Return the value of an index as a table shows it; n and p of a motion without impacts are NaN."""
+def index_text(point: Point, index: str, digits: int) -> str:
+    """Return the value of an index as a table shows it; of a motion without impacts there is none."""
+    if not math.isfinite(point.indices["max_velocity"]):
+        return "–"
+    value = shown_spread(point.indices[index], spread_scale(index, point.system.velocity_scale))
     if math.isnan(value):
         return "–"
     if math.isinf(value):
@@ -349,15 +352,4 @@ def index_text(index: str, value: float) -> str:
         return "∞ (chatter)"
     if index in ("n_periods", "n_impacts") and value == 0.0:
         return "no cycle"
-    return f"{value:.5g}".replace("-", "−")
-
-
-def index_rows(point: Point) -> list[tuple[str, str, str]]:
-    """Return long name, value and unit of every index."""
-    rows = []
-    hits = math.isfinite(point.indices["max_velocity"])
-    for name, value in point.indices.items():
-        value = value if hits else math.nan
-        index, scale = INDICES[name], spread_scale(name, point.system.velocity_scale)
-        rows.append((index.long_name, index_text(name, shown_spread(value, scale)), shown_unit(index.units)))
-    return rows
+    return written(value, digits)

@@ -12,7 +12,15 @@ from vibroimpact.explorer.limits import Range, with_axes, with_ranges
 from vibroimpact.explorer.models import Find, find_ready_made
 from vibroimpact.explorer.plane import Curves, KeepGoing, Line, Plane, Stored, compute_line, find_curves
 from vibroimpact.explorer.point import Motions, Other, Point, find_others
-from vibroimpact.explorer.state import MOST_PINS, View, rounded, typed_number
+from vibroimpact.explorer.state import (
+    LETTERS,
+    MOST_PINS,
+    View,
+    quantity_of,
+    rounded,
+    typed_number,
+    values_of,
+)
 from vibroimpact.explorer.work import Clock, Job, Pool, Refinement, Urgency, Work
 
 Message = tuple[str, Any]
@@ -75,6 +83,7 @@ class Explorer:
         self._past: list[View] = []
         self._future: list[View] = []
         self._gesture: tuple[str, float] = ("", 0.0)
+        self._refused = False  # whether a message still says so
         self._refinement: Refinement | None = None  # of this view's plane
 
     @property
@@ -160,9 +169,19 @@ class Explorer:
         return self.set("start", start=None if other is None else other.start)
 
     def pin(self) -> bool:
-        """Keep the point to compare with; the oldest pin goes when there are too many."""
-        pins = tuple(pin for pin in self.view.pins if pin != self.view.osc)
-        return self.set("pin", pins=(*pins, self.view.osc)[-MOST_PINS:])
+        """Keep the point to compare with; the oldest pin goes when there are too many, and a message says which."""
+        view = self.view
+        if view.osc in view.pins:
+            self._send(("message", f"This point is pinned already, as {LETTERS[view.pins.index(view.osc)]}."))
+            return False
+        changed = self.set("pin", pins=(*view.pins, view.osc)[-MOST_PINS:])
+        if changed and len(view.pins) == MOST_PINS:
+            values = values_of(view.pins[0], view.hertz)
+            place = ", ".join(quantity_of(view.table[name], values[name]) for name in (view.x, view.y))
+            self._send(
+                ("message", f"Two points are compared: pin A ({place}) was removed, B is now A, and this point is B.")
+            )
+        return changed
 
     def unpin(self) -> bool:
         """Drop all pins."""
@@ -187,8 +206,12 @@ class Explorer:
         try:
             view = change(self.view)
         except ValueError as error:
+            self._refused = True
             self._send(("message", str(error)))
             return False
+        if self._refused:
+            self._refused = False
+            self._send(("message", ""))
         return self.show(view, gesture)
 
     def show(self, view: View, gesture: str = "") -> bool:

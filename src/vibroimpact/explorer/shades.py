@@ -14,7 +14,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
 from vibroimpact.explorer.plane import Floats, Plane
-from vibroimpact.explorer.state import GREEK
+from vibroimpact.explorer.state import GREEK, RAISED, written
 from vibroimpact.figures import EXPONENTS, MOTION
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import motion_name, refined
@@ -31,7 +31,6 @@ SCALES: dict[bool, tuple[str, ...]] = {
 }
 DECADES = 6  # that a logarithmic scale spans at most
 PERCENT = 99.5  # of the cells that the colours distinguish
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
@@ -141,16 +140,7 @@ def _ticks(low: float, high: float, log: bool, unit: float) -> Iterator[tuple[fl
         values = MaxNLocator(7).tick_values(low, high)
     for value in values:
         if low <= value <= high:
-            yield (math.log10(value) if log else float(value)), _written(float(f"{value / unit:.6g}"))
-
-
-def _written(value: float) -> str:
-    """Return a number, very small and very large ones with a power of ten."""
-    number, _, power = f"{value:g}".replace("-", "−").partition("e")
-    if not power:
-        return number
-    ten = "10" + (str(int(power.replace("−", "-"))).translate(RAISED))
-    return ten if number == "1" else f"{number}·{ten}"
+            yield (math.log10(value) if log else float(value)), written(value / unit, 6)
 
 
 def _limits(finite: Floats, signed: bool, log: bool) -> tuple[float, float]:

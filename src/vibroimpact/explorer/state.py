@@ -12,10 +12,11 @@ from typing import Any
 
 from vibroimpact.explorer.limits import Range, check_limits, checked_range, checked_start, stiffness, system_of
 from vibroimpact.figures import MOTION
-from vibroimpact.indices import INDICES
+from vibroimpact.indices import INDICES, Index
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
-from vibroimpact.parameters import Parameter, invalid, real_number
+from vibroimpact.model.units import without_unit
+from vibroimpact.parameters import Parameter, hertz, invalid, radians, real_number
 
 SHOWN = (MOTION, *INDICES)
 SAMPLES = (200, 500, 1000, 2000, 5000)
@@ -23,7 +24,8 @@ CASES = (
     "", "paper-mass", "paper-stiffness", "paper-damping", "paper-amplitude", "paper-restitution", "gap", "tube", "pipe",
     "ship", "valve",
 )  # fmt: skip
-MOST_PINS = 2
+LETTERS = ("A", "B")  # of the pins
+MOST_PINS = len(LETTERS)
 MOST_SHOWN = 128  # coordinates and stops to choose from
 
 
@@ -43,9 +45,10 @@ def _same(values: Iterable[Any]) -> dict[str, Any]:
 FLAG = {"0": False, "1": True}
 CHOICES = {
     "index": Choice("index", _same(SHOWN), "colour by"),
+    "hertz": Choice("hz", FLAG, "driving frequency in Hz"),
     "log": Choice("log", FLAG, "logarithmic colours"),
     "worst": Choice("worst", FLAG, "worst of 17 initial conditions"),
-    "boundaries": Choice("b", FLAG, "boundaries of n = 1, 2 (some seconds)"),
+    "boundaries": Choice("b", FLAG, "boundaries of n = 1, 2 (slow)"),
     "line": Choice("line", _same("xy"), "diagram along"),
     "samples": Choice("n", _same(SAMPLES), "impacts per cell"),
     "settled": Choice("from", {"start": False, "settled": True}, "show the settled motion"),
@@ -54,11 +57,42 @@ CHOICES = {
     "stop": Choice("stop", _same(range(MOST_SHOWN + 1)), "impacts"),
 }
 
+MINUS = re.compile(r"(?<!\w)-(?=\.?\d)|(?<=\de)-(?=\d)")  # of a number; others are hyphens
+POWERS = re.compile(r"(?<=[ms])\^?([2-4])\b")  # of lengths and times in a unit
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 SHORTER = {
     "driving force amplitude": "force amplitude", "angular driving frequency": "driving frequency",
     "coefficient of restitution": "restitution",
+    "natural frequency of the absorber over that of the structure": "frequency ratio of the absorber",
+    "mass of the absorber over that of the structure": "mass ratio of the absorber",
+    "thickness in the direction of motion": "thickness along the motion",
+    "amplitude of the static transmission error": "transmission error amplitude",
+    "amplitude of the angular acceleration": "angular acceleration",
+    "amplitude of the base acceleration": "base acceleration", "amplitude of the driving motion": "driving amplitude",
+    "moment of inertia of the driven gear": "inertia of the driven gear",
+    "backlash along the line of action": "backlash", "amplitude of the force per length": "force per length",
+    "diametral clearance in the supports": "diametral clearance",
+    "stroke of the absorber to either side": "stroke of the absorber",
+    "natural frequency of the structure": "structure's frequency",
 }  # fmt: skip
+SHORT = {
+    "largest Lyapunov exponent": "Lyapunov exponent λ",
+    "largest Lyapunov exponent per impact": "λ per impact",
+    "energy lost at the stop per driving period": "loss per period",
+    "impacts per driving period": "impacts per period",
+    "share of time at rest at the stop": "stick fraction",
+    "gap left by the closest near-miss": "closest near-miss",
+    "standard deviation of impact velocities": "Std of impact velocities",
+    "spread of the impact phases": "spread of phases",
+    "driving periods in a cycle": "periods in a cycle",
+}
+SHORTEST = {
+    "standard deviation of impact velocities": "Std of velocities",
+    "mean impact velocity": "mean velocity",
+    "largest impact velocity": "largest velocity",
+    "gap left by the closest near-miss": "near-miss",
+}
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 GREEK = {"w": "ω", "w/2pi": "ω/2π", "zeta": "ζ", "psi/T": "ψ/T", "<I>": "⟨I⟩"}
 
 
@@ -76,6 +110,8 @@ class View:
         The part of the plane that is shown, in the parameters' units.
     index : str
         "motion" for the motion's name, or an index of `parameter_map`.
+    hertz : bool
+        Whether the driving frequency is in Hz, not in rad/s: of models that have `omega`.
     log : bool
         Whether colours are spread over the logarithm of the index.
     line : {"x", "y"}
@@ -107,6 +143,7 @@ class View:
     x_range: Range = (0.025, 5.0)
     y_range: Range = (0.1, 5.0)
     index: str = "std"
+    hertz: bool = False
     log: bool = False
     line: str = "x"
     samples: int = 500
@@ -121,6 +158,7 @@ class View:
     stop: int = 0
 
     def __post_init__(self) -> None:
+        self._convert_axes()
         names = tuple(self.table)
         choices = {"x": names, "y": names} | {name: (*choice.texts.values(),) for name, choice in CHOICES.items()}
         for name, values in choices.items():
@@ -146,7 +184,22 @@ class View:
     @cached_property
     def table(self) -> dict[str, Parameter]:
         """The model's parameters, by name."""
-        return table(self.osc)
+        return table(self.osc, self.hertz)
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """Their values at the point."""
+        return values_of(self.osc, self.hertz)
+
+    def _convert_axes(self) -> None:
+        """Have the driving frequency along an axis in the unit of the view, also where it is given in the other."""
+        units = {"omega": ("frequency", hertz), "frequency": ("omega", radians)}
+        for axis in ("x", "y"):
+            other, convert = units.get(getattr(self, axis), ("", hertz))
+            if other in self.table:
+                ends = tuple(float(f"{convert(end):.12g}") for end in getattr(self, f"{axis}_range"))
+                object.__setattr__(self, axis, other)
+                object.__setattr__(self, f"{axis}_range", ends)
 
     @cached_property
     def system(self) -> Any:
@@ -189,11 +242,11 @@ class View:
 
     def _fixed(self, *varied: str) -> tuple[Any, ...]:
         """Return the model, and its parameters that are not varied."""
-        return self.model, *(value for name, value in self.osc.values.items() if name not in varied)
+        return self.model, *(value for name, value in self.values.items() if name not in varied)
 
     def osc_value(self, axis: str) -> float:
         """Return the point's coordinate along an axis, "x" or "y"."""
-        return float(self.osc.values[getattr(self, axis)])
+        return self.values[getattr(self, axis)]
 
     @property
     def along(self) -> tuple[str, Range]:
@@ -212,23 +265,66 @@ def _one_of(name: str, value: Any, choices: tuple[Any, ...]) -> Any:
 # ---- numbers and names of the model's parameters
 
 
-def table(model: Model) -> dict[str, Parameter]:
-    """Return the parameters that a model has values of, by name: not those that stand for others."""
-    return {name: model.parameters[name] for name in model.values}
+def table(model: Model, in_hertz: bool = False) -> dict[str, Parameter]:
+    """Return the parameters that a model has values of, by name: not those that stand for others.
+
+    `in_hertz` has its `omega` replaced by the `frequency` in Hz.
+    """
+    return {name: model.parameters[name] for name in values_of(model, in_hertz)}
+
+
+def values_of(model: Model, in_hertz: bool = False) -> dict[str, float]:
+    """Return the values of the parameters of `table`: as frequency the shortest number that makes its omega."""
+    values = model.values
+    if not in_hertz or "omega" not in values or "frequency" not in model.parameters:
+        return values
+    omega = values["omega"]
+    written = (float(f"{hertz(omega):.{digits}g}") for digits in (15, 16, 17))
+    frequency = next((value for value in written if radians(value) == omega), hertz(omega))
+    shown = {"frequency" if name == "omega" else name: value for name, value in values.items()}
+    return shown | {"frequency": frequency}
 
 
 def typed_number(parameter: Parameter, value: Any) -> float:
-    """Return a parameter as it was typed."""
+    """Return a parameter as it was typed, such as 0.5mm: in its own unit unless another one is written."""
+    if isinstance(value, str):
+        value = without_unit(parameter, value.strip().replace("−", "-"))
     if isinstance(value, str):
         if not NUMBER.fullmatch(value):
-            raise no_number(parameter.name, value)
+            raise no_number(parameter.name, value, "such as 2.8, or one with a unit, such as 0.5mm")
         value = float(value)
     return parameter.check(value)
 
 
-def no_number(name: str, text: str) -> ValueError:
+def with_minus(text: str) -> str:
+    """Return a text whose negative numbers have the minus sign of plots.
+
+    Examples
+    --------
+    >>> with_minus("period-1 impact-1: the gap is -0.2 mm, at -1e-05")
+    'period-1 impact-1: the gap is −0.2 mm, at −1e−05'
+    """
+    return MINUS.sub("−", text)
+
+
+def written(value: float, digits: int = 5) -> str:
+    """Return a number, very small and very large ones with a power of ten.
+
+    Examples
+    --------
+    >>> written(-0.0002), written(200e9)
+    ('−0.0002', '2·10¹¹')
+    """
+    number, _, power = f"{float(f'{value:.{digits}g}'):g}".partition("e")
+    if not power:
+        return with_minus(number)
+    ten = f"10{str(int(power)).translate(RAISED)}"
+    return ten if number == "1" else f"{with_minus(number)}·{ten}"
+
+
+def no_number(name: str, text: str, hint: str = "write it with a dot, as in 2.8") -> ValueError:
     """Return the error for a text that is not a number."""
-    return invalid(name, text, "a number", "write it with a dot, as in 2.8")
+    return invalid(name, text, "a number", hint)
 
 
 def rounded(value: Any, ends: Range) -> float:
@@ -240,17 +336,36 @@ def rounded(value: Any, ends: Range) -> float:
 def symbol(parameter: Parameter) -> str:
     """Return a parameter's symbol, as ω; its name in words where it has none of its own."""
     has_symbol = parameter.symbol and parameter.symbol != parameter.name
-    return GREEK.get(parameter.symbol, parameter.symbol) if has_symbol else parameter.long_name
+    return GREEK.get(parameter.symbol, parameter.symbol) if has_symbol else _words(parameter)
+
+
+def _words(parameter: Parameter) -> str:
+    """Return the name in words; a unit that it ends with is shown beside it anyhow."""
+    name = SHORTER.get(parameter.long_name, parameter.long_name)
+    return name.removesuffix(f" {parameter.unit}")
 
 
 def shown_unit(unit: str) -> str:
-    """Return a unit as it is shown: nothing for a pure number."""
-    return "" if unit == "1" else unit
+    """Return a unit as it is shown, m/s² for m/s^2: nothing for a pure number."""
+    return "" if unit == "1" else POWERS.sub(lambda power: power[1].translate(RAISED), unit)
+
+
+def quantity_of(parameter: Parameter, value: float) -> str:
+    """Return 'ω = 157 rad/s'."""
+    return f"{symbol(parameter)} = {written(value)} {shown_unit(parameter.unit)}".strip()
 
 
 def parameter_label(parameter: Parameter, units: bool = True) -> str:
     """Return 'driving frequency ω [rad/s]'."""
-    name = SHORTER.get(parameter.long_name, parameter.long_name)
-    label = name if symbol(parameter) == parameter.long_name else f"{name} {symbol(parameter)}"
-    unit = shown_unit(parameter.unit)
-    return f"{label} [{unit}]" if units and unit else label
+    name = _words(parameter)
+    return _labelled(name if symbol(parameter) == name else f"{name} {symbol(parameter)}", parameter.unit, units)
+
+
+def index_label(index: Index, units: bool = True, shorter: bool = False) -> str:
+    """Return 'Std of impact velocities [m/s]', and 'Std of velocities [m/s]' where there is less room."""
+    name = SHORT.get(index.long_name, index.long_name)
+    return _labelled(SHORTEST.get(index.long_name, name) if shorter else name, index.units, units)
+
+
+def _labelled(name: str, unit: str, units: bool) -> str:
+    return f"{name} [{shown_unit(unit)}]" if units and shown_unit(unit) else name

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -13,11 +12,11 @@ import numpy as np
 import xarray as xr
 
 from vibroimpact import models
-from vibroimpact.dataset import model_of, variable
+from vibroimpact.dataset import model_of
 from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.models import Find, name_in_links
 from vibroimpact.explorer.plane import Plane, Stored, positions
-from vibroimpact.explorer.state import SAMPLES, View, table
+from vibroimpact.explorer.state import SAMPLES, View, table, values_of
 from vibroimpact.families import ready_made
 from vibroimpact.figures import MOTION
 from vibroimpact.files import load
@@ -49,7 +48,7 @@ def open_study(path: str | os.PathLike[str], model: Model | None = None, name: s
     Notes
     -----
     All that is shown is read at once, 256 x 256 cells at most: the store may be removed, or continue to grow, while
-    pages are open. A frequency in Hz is shown as omega in rad/s.
+    pages are open. A frequency in Hz is shown in Hz.
     """
     try:
         return _view_of(path, model, name)
@@ -63,8 +62,8 @@ def open_study(path: str | os.PathLike[str], model: Model | None = None, name: s
 def _view_of(path: str | os.PathLike[str], model: Model | None, name: str) -> tuple[View, Stored, Find]:
     sweep = _read(path)
     model, name, find = _model_of(path, sweep, model, name)
-    parameters = table(model)
-    sweep = sweep if "frequency" in parameters else _over_omega(sweep)
+    in_hertz = "frequency" in sweep.dims and "frequency" not in model.values
+    parameters = table(model, in_hertz)
     status = sweep.get("status")
     dims = [str(dim) for dim in status.dims] if status is not None else []
     sweep = sweep.drop_vars([key for key, index in sweep.data_vars.items() if not set(index.dims) <= set(dims)])
@@ -72,7 +71,7 @@ def _view_of(path: str | os.PathLike[str], model: Model | None, name: str) -> tu
     if len(dims) < 2 or not indices or any(axis not in parameters for axis in dims):
         raise ValueError(
             f"`store` must be a sweep over two or more of {', '.join(parameters)}"
-            f"{'' if 'frequency' in parameters else ' (or frequency for omega)'}, got "
+            f"{' (or frequency for omega)' if 'omega' in parameters else ''}, got "
             f"{os.fspath(path)!r} with axes {', '.join(dims) or 'none'}; make one with `vibroimpact map --out`"
         )
     for axis in dims[2:]:
@@ -80,10 +79,10 @@ def _view_of(path: str | os.PathLike[str], model: Model | None, name: str) -> tu
     osc = model.replace(**{axis: float(sweep[axis]) for axis in dims[2:]})
     x, y = dims[:2]
     ranges = {axis: _edges(parameters[axis], sweep[axis].values) for axis in (x, y)}
-    middle = {axis: float(np.clip(osc.values[axis], *ranges[axis])) for axis in (x, y)}
+    middle = {axis: float(np.clip(values_of(osc, in_hertz)[axis], *ranges[axis])) for axis in (x, y)}
     view = View(
         osc=osc.replace(**middle), x=x, y=y, x_range=ranges[x], y_range=ranges[y], index=str(indices[0]),
-        samples=_samples(sweep), model=name,
+        samples=_samples(sweep), model=name, hertz=in_hertz,
     )  # fmt: skip
     plane, shown = _plane(view, sweep.transpose(x, y, ...), Path(path).name)
 
@@ -106,14 +105,6 @@ def _read(path: str | os.PathLike[str]) -> xr.Dataset:
         else:
             return store.dataset()
     return load(path)
-
-
-def _over_omega(sweep: xr.Dataset) -> xr.Dataset:
-    """Return a sweep over the frequency in Hz as one over w = 2 pi frequency in rad/s; others as they are."""
-    if "frequency" not in sweep.dims or "omega" in sweep.variables or sweep["frequency"].dtype.kind not in "fiu":
-        return sweep
-    omega = variable("omega", "frequency", 2.0 * math.pi * sweep["frequency"].values)
-    return sweep.assign_coords(frequency=omega).rename(frequency="omega")
 
 
 def _model_of(

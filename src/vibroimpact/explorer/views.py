@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from html import escape
+from itertools import starmap
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,20 @@ from vibroimpact.cells import FASTEST
 from vibroimpact.coexistence.measuring import SPREAD
 from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.plane import FOLLOWED, ONLY_OTHERS, OTHERS, TRANSIENT, WORST, Curves, Line, Plane
-from vibroimpact.explorer.point import Other, Point, index_rows
+from vibroimpact.explorer.point import Other, Point, index_text
 from vibroimpact.explorer.shades import name_of, shades
-from vibroimpact.explorer.state import View, parameter_label, shown_unit, symbol, table
+from vibroimpact.explorer.state import (
+    LETTERS,
+    View,
+    index_label,
+    parameter_label,
+    shown_unit,
+    symbol,
+    table,
+    values_of,
+    with_minus,
+    written,
+)
 from vibroimpact.indices import INDICES
 from vibroimpact.plotting.diagrams import UNRANKED
 from vibroimpact.plotting.style import BOUNDARY_COLORS, GREEN, RED, STATUS_COLORS
@@ -24,20 +36,8 @@ from vibroimpact.status import Status
 MOST_LISTED = 5  # motions
 TRIED_THERE = f"impacts spread over phases 0 to 1 and velocities 0 to {FASTEST:g} V, V = max(f, k |g|)/√(km)"
 PINS = (RED, GREEN)
-LETTERS = ("A", "B")
 COLORS = ("blue", "red", "green")  # of the present motion and the pinned ones: those of figures, lighter on a dark page
 SHOWN_PERIODS = 6
-SHORT = {
-    "largest Lyapunov exponent": "Lyapunov exponent λ",
-    "largest Lyapunov exponent per impact": "λ per impact",
-    "energy lost at the stop per driving period": "loss per period",
-    "impacts per driving period": "impacts per period",
-    "share of time at rest at the stop": "stick fraction",
-    "gap left by the closest near-miss": "closest near-miss",
-    "standard deviation of impact velocities": "Std of impact velocities",
-    "spread of the impact phases": "spread of phases",
-    "driving periods in a cycle": "periods in a cycle",
-}
 
 
 Parts = dict[str, dict[str, Any]]  # of the page, by names that its script knows; "#numbers" is html for that element
@@ -58,9 +58,10 @@ class PlaneView:
             "labels": [parameter_label(parameter) for parameter in both],
             "symbols": [symbol(parameter) for parameter in both],
         }
+        places = [values_of(pin, view.hertz) for pin in view.pins]
         pins = [
-            (pin.values[view.x], pin.values[view.y], color, letter)
-            for pin, color, letter in zip(view.pins, PINS, LETTERS, strict=False)
+            (place[view.x], place[view.y], color, letter)
+            for place, color, letter in zip(places, PINS, LETTERS, strict=False)
         ]
         marks = {"x": view.osc_value("x"), "y": view.osc_value("y"), "along": view.line, "pins": pins}
         return {"plane_home": home, "marks": marks}
@@ -79,7 +80,7 @@ class PlaneView:
             "values": [] if named else colours.value.ravel(),
             "names": names.ravel().astype(np.uint16),
             "motions": [name_of(code) for code in motions.tolist()],
-            "index": "" if named else SHORT.get(INDICES[view.index].long_name, INDICES[view.index].long_name),
+            "index": "" if named else index_label(INDICES[view.index], units=False),
             "unit": "" if named else shown_unit(INDICES[view.index].units),
             "colors": colours.colors,
             "scale": colours.scale,
@@ -154,6 +155,7 @@ class PointView:
         self._point: Point | None = None
         self._pins: list[Point] = []
         self._others: list[Other] = []
+        self.hertz = False  # how frequencies are shown
 
     def show_point(self, point: Point) -> Parts:
         """Draw the present motion."""
@@ -172,8 +174,8 @@ class PointView:
             "motion_0": {"slot": 0, **_motion(point)},
             "facts": facts,
             "home": self._frame(),
-            "#sentence": {"html": escape(point.sentence[0].upper() + point.sentence[1:])},
-            "#numbers": {"html": numbers_table(point, self._pins)},
+            "#sentence": {"html": escape(with_minus(point.sentence[0].upper() + point.sentence[1:]))},
+            "#numbers": {"html": numbers_table(point, self._pins, self.hertz)},
             **self.show_others(self._others),
         }
 
@@ -183,7 +185,7 @@ class PointView:
         for slot in (1, 2):
             parts[f"motion_{slot}"] = {"slot": slot, **_motion(pins[slot - 1] if slot <= len(pins) else None)}
         if self._point is not None:
-            parts |= {"home": self._frame(), "#numbers": {"html": numbers_table(self._point, pins)}}
+            parts |= {"home": self._frame(), "#numbers": {"html": numbers_table(self._point, pins, self.hertz)}}
         return parts
 
     def show_others(self, others: list[Other]) -> Parts:
@@ -237,32 +239,33 @@ def _hardest(other: Other) -> str:
     return f" (up to {quantity(other.max_velocity, 'm/s', 3)})" if other.max_velocity > 0.0 else ""
 
 
-def numbers_table(point: Point, pins: list[Point]) -> str:
-    """Return all indices of the point, and of the pins beside them, as HTML."""
+def numbers_table(point: Point, pins: list[Point], hertz: bool = False) -> str:
+    """Return all indices of the point, and of the pins beside them, as HTML; beside pins names are shorter."""
     points = [point, *pins]
     rows = []
-    for row in zip(*map(index_rows, points), strict=True):
-        long_name, _, units = row[0]
-        values = [value for _, value, _ in row]
-        units = units if any(map(str.isdigit, "".join(values))) else ""
-        rows.append(_row(SHORT.get(long_name, long_name), values, units, long_name))
-    for name, parameter in table(point.osc).items():
-        values = [shown.osc.values[name] for shown in points]
-        if len(set(values)) > 1:
-            label = parameter_label(parameter, units=False)
-            rows.append(_row(label, [f"{value:.5g}" for value in values], shown_unit(parameter.unit)))
+    for name, index in INDICES.items():
+        values = [index_text(shown, name, 4 if pins else 5) for shown in points]
+        units = any(map(str.isdigit, "".join(values)))
+        rows.append((index_label(index, units=units, shorter=bool(pins)), values, index.long_name))
+    places = [values_of(shown.osc, hertz) for shown in points]
+    for name, parameter in table(point.osc, hertz).items():
+        numbers = [place[name] for place in places]
+        if len(set(numbers)) > 1:
+            rows.append((parameter_label(parameter), list(map(written, numbers)), parameter.long_name))
     head = "" if not pins else "<tr><th></th>" + "".join(
         f"<td style='border-bottom:3px solid var(--{color})'>{name}</td>"
         for name, color in zip(["here", *LETTERS[: len(pins)]], COLORS, strict=False)
-    ) + "<td></td></tr>"  # fmt: skip
+    ) + "</tr>"  # fmt: skip
     half = (len(rows) + 1) // 2
-    tables = "".join(f"<table>{head}{''.join(part)}</table>" for part in (rows[:half], rows[half:]))
+    tables = "".join(f"<table>{head}{''.join(starmap(_row, part))}</table>" for part in (rows[:half], rows[half:]))
     return f"<div class='n'>{tables}</div>"
 
 
-def _row(label: str, values: list[str], units: str, title: str = "") -> str:
+def _row(label: str, values: list[str], title: str) -> str:
     cells = "".join(f"<td>{escape(value)}</td>" for value in values)
-    return f"<tr><th title='{escape(title or label)}'>{escape(label)}</th>{cells}<td class='u'>{units}</td></tr>"
+    name, bracket, unit = label.partition(" [")
+    unit = f" <span>{escape(bracket.strip() + unit)}</span>" if bracket else ""
+    return f"<tr><th title='{escape(title)}'>{escape(name)}{unit}</th>{cells}</tr>"
 
 
 def _motion(point: Point | None) -> dict[str, Any]:
@@ -320,7 +323,7 @@ def show_ends(view: View) -> Parts:
     parameter, ends = view.along
     return {
         "line_home": {"x": ends, "label": parameter_label(view.table[parameter])},
-        "line": {"here": view.osc.values[parameter]},
+        "line": {"here": view.values[parameter]},
     }
 
 

@@ -1,4 +1,4 @@
-"""Results on disk: written completely or not at all, in the format that the ending of the file names."""
+"""Results on disk: written completely or not at all, in the format given by the ending of the name."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 DATA_ENDINGS = tuple(WRITERS)
 MOVES = 1000  # attempts to replace an output that other processes keep replacing
-PART, ASIDE = ".part", ".old"  # endings of what is being written, and of what is being replaced
+PART, ASIDE = ".part", ".old"  # endings of outputs that are being written, and that are being replaced
 
 
 def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
@@ -57,10 +57,11 @@ def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
 
     Notes
     -----
-    A `.csv` has one row per cell, impact, sample or time, as ``pandas.read_csv(path)`` reads it; what its columns mean,
-    their units and where it comes from stand beside it, as `NAME.csv.json`. Where a result has variables over
-    dimensions that do not nest, a first column `record` names the dimensions of each row, such as `time` or `point x
-    impact`; variables over fewer of them are repeated. Padding is left out; statuses, kinds and other codes are words.
+    A `.csv` has one row per cell, impact, sample or time, for ``pandas.read_csv(path)``. The meaning and the units of
+    its columns, and its provenance, are saved next to it as `NAME.csv.json`. If a result has variables over dimensions
+    that do not nest, a first column `record` names the dimensions of each row, such as `time` or `point x impact`;
+    variables over fewer of them are repeated. Padding is left out; statuses, kinds and other codes are written as
+    words.
 
     Examples
     --------
@@ -77,7 +78,7 @@ def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
     if not isinstance(dataset, xr.Dataset):
         raise ValueError(
             f"`dataset` must be an xarray.Dataset, as functions of this package return, got {type(dataset).__name__}; "
-            "of a branch or a boundary save its .dataset"
+            "for a branch or a boundary, save its .dataset"
         )
     target = check_output(path, overwrite=overwrite)
     with replacing(target, overwrite=overwrite) as part:
@@ -99,22 +100,22 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        The result, in memory, with its labels, its provenance and the order of its variables; sorted by name where a
-        file does not record their order.
+        The result, in memory, with its labels, its provenance and the order of its variables; if the file does not
+        record their order, they are sorted by name.
 
     Raises
     ------
     ValueError
-        The ending is not `.zarr` or `.nc`; `.csv` and `.mat` are exports that do not keep every label. Or the values
+        The ending is not `.zarr` or `.nc` (`.csv` and `.mat` are exports that do not keep every label), or the values
         take more memory than this machine has.
     OSError
-        The file does not exist or cannot be read, or is none that this package saved.
+        The file does not exist, cannot be read, or was not saved by this package.
 
     Notes
     -----
-    A `.zarr` folder from elsewhere is safe to load: only regular files inside it are read, and only values of the size
-    and the packing that `save` and stores give them. A `.nc` file is read by HDF5, which unpacks whatever it holds:
-    load only those you trust.
+    A `.zarr` folder from an unknown source is safe to load: only regular files inside it are read, and only values of
+    the size and the packing that `save` and stores use. A `.nc` file is read by HDF5, which unpacks whatever it holds:
+    load only files that you trust.
 
     Examples
     --------
@@ -135,7 +136,7 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     place: Any = GuardedStore(source) if ending == ".zarr" else source
     with _explained(source):
         size = netcdf_size(source) if place is source else place.size()
-    check_fits("path", f"is {str(path)!r}, whose values take", size, "xarray.open_zarr(path) reads a store in parts")
+    check_fits("path", f"{str(path)!r} has values that take", size, "xarray.open_zarr(path) reads a store in parts")
     with _explained(source), xr.open_dataset(place, **_OPEN[ending]) as stored:
         loaded = _restored(stored.load())
         if place is not source:
@@ -162,7 +163,7 @@ def _path(name: str, path: Any) -> Path:
 
 @contextmanager
 def _explained(path: Path) -> Iterator[None]:
-    """Turn the errors of a file that is damaged, or of another kind, into one: each library below has its own."""
+    """Turn the errors that libraries raise for damaged files, or files of another kind, into one `OSError`."""
     try:
         yield
     except MemoryError:
@@ -186,17 +187,17 @@ def _restored(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def _labels(table: Path) -> Path:
-    """Return the name of the file beside a table that says what its columns mean."""
+    """Return the name of the file next to a table that describes its columns."""
     return table.with_name(f"{table.name}.json")
 
 
 def check_output(
     path: str | os.PathLike[str], *, overwrite: bool = False, endings: Sequence[str] = DATA_ENDINGS
 ) -> Path:
-    """Return the path if an output can be written there, else raise before anything is computed.
+    """Return the path if an output can be written there; otherwise, raise before anything is computed.
 
-    `ValueError`: the ending is none of `endings`; `OSError`: the folder is missing or not writable, or the output
-    exists and must not, or cannot, be replaced.
+    `ValueError`: the ending is not one of `endings`. `OSError`: the folder is missing or not writable, or the output
+    exists and may not, or cannot, be replaced.
 
     Examples
     --------
@@ -246,12 +247,12 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
 
 @contextmanager
 def scratch_beside(target: Path) -> Iterator[Path]:
-    """Yield a folder beside the target for what is being written; remove it, and those that killed processes left."""
+    """Yield a temporary folder next to the target; remove it in the end, and those left by killed processes."""
     sweep_up(target)
     for _ in range(MOVES):
         scratch = Path(mkdtemp(prefix=f".{target.stem}-", suffix=PART, dir=target.parent))
         with _locked(scratch) as locked:
-            if locked is False:  # another process has just taken it for a leftover
+            if locked is False:  # another process has just removed it as a leftover
                 continue
             try:
                 yield scratch
@@ -264,9 +265,9 @@ def scratch_beside(target: Path) -> Iterator[Path]:
 
 
 def sweep_up(target: Path) -> None:
-    """Remove what killed processes left half written or half removed beside an output.
+    """Remove partial outputs that killed processes left next to a target.
 
-    The system takes a lock back from a process that ends, however it ends.
+    The system releases the lock of a process that ends, however it ends.
     """
     for leftover in target.parent.glob(f".{glob.escape(target.stem)}-*{PART}"):
         with _locked(leftover) as locked:
@@ -276,7 +277,7 @@ def sweep_up(target: Path) -> None:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[bool | None]:
-    """Lock a folder, if no other process has and it is there; yield None where this system locks no folders."""
+    """Lock a folder; yield whether that succeeded, or None if this system cannot lock folders."""
     try:
         import fcntl
     except ImportError:
@@ -289,7 +290,7 @@ def _locked(folder: Path) -> Iterator[bool | None]:
         locked = os.path.samestat(os.fstat(handle), os.stat(folder))
     except (BlockingIOError, FileNotFoundError):
         locked = False
-    except OSError:  # some file systems lock none, either
+    except OSError:  # some file systems have no locks
         locked = None
     try:
         yield locked
@@ -299,18 +300,18 @@ def _locked(folder: Path) -> Iterator[bool | None]:
 
 
 def partial_name(path: Path) -> Path:
-    """Return the name of what is not complete and may not replace what is."""
+    """Return the name of a partial output, which must not replace a complete one."""
     return path.with_name(f"{path.stem}.partial{path.suffix}")
 
 
 def aside_hint(path: Path) -> str:
-    """Return where the former output of a name lies that a process did not live to replace; empty without one."""
+    """Return where the previous output is if a process died while replacing it; an empty string otherwise."""
     aside = max(path.parent.glob(f".{glob.escape(path.name)}-*{ASIDE}"), key=os.path.getmtime, default=None)
-    return f"what it held lies in {str(aside)!r}, set aside by a process that ended: rename that" if aside else ""
+    return f"its previous content is in {str(aside)!r}, moved there by a process that died: rename it" if aside else ""
 
 
 def _remove_folder(folder: Path) -> None:
-    """Remove a folder that threads of a failed writer may go on filling, or recreate, for a moment."""
+    """Remove a folder to which threads of a failed writer may still write for a moment."""
     quiet = 0
     for _ in range(100):
         quiet = 0 if folder.exists() else quiet + 1
@@ -321,10 +322,10 @@ def _remove_folder(folder: Path) -> None:
 
 
 def replace_output(part: Path, target: Path, *, overwrite: bool = True) -> None:
-    """Replace `target` by `part`; a folder cannot be replaced in one step, so the old one is set aside first.
+    """Replace `target` by `part`; a folder cannot be replaced in one step, so the old one is moved aside first.
 
-    Other processes may do the same at the same moment: each tries again when the name is taken, or the old output
-    gone. In the end the last one's complete output has the name.
+    Other processes may do the same at the same moment: each tries again if the name is taken or the old output is gone.
+    In the end, the name holds the complete output of the last one.
     """
     aside: list[Path] = []
     try:
@@ -334,7 +335,7 @@ def replace_output(part: Path, target: Path, *, overwrite: bool = True) -> None:
             if not overwrite:
                 raise _appeared(target)
             old = target.with_name(f".{target.name}-{uuid4().hex[:8]}{ASIDE}")
-            with suppress(FileNotFoundError):  # another process has set it aside
+            with suppress(FileNotFoundError):  # another process has moved it aside
                 os.rename(target, old)
                 aside.append(old)
         raise OSError(errno.EBUSY, "other processes keep writing there")
@@ -344,7 +345,7 @@ def replace_output(part: Path, target: Path, *, overwrite: bool = True) -> None:
                 os.rename(aside.pop(), target)
         raise
     finally:
-        for folder in aside:  # under a name that says that it is not whole, should this process be killed now
+        for folder in aside:  # under a name that marks it as incomplete, in case this process is killed now
             leftover = target.with_name(f".{target.stem}-{uuid4().hex[:8]}{PART}")
             with suppress(OSError):
                 os.rename(folder, leftover)
@@ -364,7 +365,7 @@ def _moved(part: Path, target: Path) -> bool:
 
 
 def _appeared(target: Path) -> FileExistsError:
-    return FileExistsError(f"`out` {str(target)!r} exists by now; choose another name")
+    return FileExistsError(f"`out` {str(target)!r} exists now; choose another name")
 
 
 def _is_store(folder: Path) -> bool:

@@ -22,14 +22,14 @@ ORDER = "variable_order"  # an attribute of the file, not of the result
 
 @contextmanager
 def with_texts() -> Iterator[None]:
-    """Let a Zarr store hold texts, such as names of stops, without a warning: Zarr's own package reads them back."""
+    """Suppress Zarr's warning about strings, such as names of stops: Zarr itself reads them back."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "The data type .* does not have a Zarr V3 specification")
         yield
 
 
 def _write_zarr(dataset: xr.Dataset, part: Path) -> None:
-    from zarr.storage import LocalStore  # of a bare path Zarr may make a URL, which ends at a `?`
+    from zarr.storage import LocalStore  # Zarr may take a bare path for a URL, which ends at a `?`
 
     with with_texts():
         _with_order(dataset).to_zarr(LocalStore(part), mode="w-", zarr_format=3, consolidated=False)
@@ -39,7 +39,8 @@ def _write_netcdf(dataset: xr.Dataset, part: Path) -> None:
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 
-    # By way of HDF5's own memory: it crashes the process some time after a full disk, or an error of a Python file.
+    # Written to HDF5's own memory first: HDF5 crashes the process some time after a full disk or an error in a file
+    # object.
     with h5netcdf.File(part, "w", driver="core", backing_store=False) as file:
         _with_order(dataset).dump_to_store(H5NetCDFStore(file))
         file.flush()
@@ -53,12 +54,12 @@ def _with_order(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def order_of(names: Iterable[Any]) -> str:
-    """Return the attribute that keeps the order of variables, which Zarr and NetCDF do not keep."""
+    """Return the attribute that records the order of variables, which Zarr and NetCDF do not keep."""
     return json.dumps([str(name) for name in names])
 
 
 def in_order(dataset: xr.Dataset) -> xr.Dataset:
-    """Return a dataset with its variables in the order that its attribute records, others after them by name."""
+    """Return a dataset with its variables in the order of its attribute, the others after them by name."""
     rank = {name: at for at, name in enumerate(json.loads(dataset.attrs.pop(ORDER, "[]")))}
     return dataset[sorted(map(str, dataset.variables), key=lambda name: (rank.get(name, len(rank)), name))]
 
@@ -70,7 +71,7 @@ def _write_csv(dataset: xr.Dataset, part: Path) -> None:
 
 
 def write_labels(dataset: xr.Dataset, part: Path) -> None:
-    """Write what a table cannot hold, as JSON: what its columns mean, in which units, and where it comes from."""
+    """Write what a table cannot hold as JSON: the meaning and units of its columns, and its provenance."""
     columns = {
         str(name): {"meaning": v.attrs.get("long_name", "number"), "units": v.attrs.get("units", "1")}
         for name, v in dataset.variables.items()
@@ -80,7 +81,7 @@ def write_labels(dataset: xr.Dataset, part: Path) -> None:
 
 
 def _parsed(value: Any) -> Any:
-    """Return an attribute as plain numbers, texts, lists and dictionaries."""
+    """Return an attribute as plain numbers, strings, lists and dictionaries."""
     try:
         return json.loads(value)
     except (TypeError, ValueError):
@@ -88,7 +89,7 @@ def _parsed(value: Any) -> Any:
 
 
 def _outermost(dataset: xr.Dataset) -> list[tuple[str, ...]]:
-    """Return the dimensions of the variables that do not fit inside another variable's, unless that one is empty."""
+    """Return the dimensions of each variable, unless another, non-empty variable has all of them."""
     candidates = {tuple(map(str, v.dims)) for v in dataset.variables.values()}
     kept: list[tuple[str, ...]] = []
     for dims in sorted(candidates, key=lambda dims: (-len(dims), dims)):
@@ -112,8 +113,8 @@ def _table(dataset: xr.Dataset, dims: tuple[str, ...]) -> pd.DataFrame:
         return pd.DataFrame({str(name): [v.values.item()] for name, v in part.variables.items()})
     table: pd.DataFrame = part.to_dataframe(dim_order=list(dims)).reset_index()
     ragged = [str(name) for name, v in part.data_vars.items() if len(v.dims) == len(dims) > 1]
-    if ragged and len(table) and dims[-1] not in part.coords:  # a dimension without values is counted, and padded
-        first = table[dims[-1]] == table[dims[-1]].iloc[0]  # keeps a row of a cell without any impact
+    if ragged and len(table) and dims[-1] not in part.coords:  # rows without coordinate values are padded
+        first = table[dims[-1]] == table[dims[-1]].iloc[0]  # keeps one row of a cell without impacts
         table = table[first | table[ragged].notna().any(axis=1)]
     return table
 

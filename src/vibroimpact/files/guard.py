@@ -1,7 +1,7 @@
-"""Files from elsewhere: of a store nothing is read but what this package writes, in the sizes that are declared there.
+"""Reading files from unknown sources: from a store, only what this package writes, in the declared sizes.
 
-A chunk of a few kilobytes may decode to gigabytes, a chunk may be a pipe or a link to a device, a description anything.
-A NetCDF file is read by HDF5, which unpacks whatever its chunks say.
+A chunk of a few kilobytes may decode to gigabytes, or be a pipe or a link to a device; a description may hold anything.
+A NetCDF file is read by HDF5, which unpacks whatever its chunks declare.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ DESCRIPTION = "zarr.json"
 MOST_TEXT = 1 << 24  # bytes of a description, and of a chunk of words
 WORD = 64  # bytes that a word takes in memory
 RECORDS = "progress/tiles"  # the array that holds a record per tile of a stored sweep
-CODECS = {"bytes", "vlen-utf8"}  # how `save` and stores turn numbers and words into bytes, which zstd may pack
+CODECS = {"bytes", "vlen-utf8"}  # how `save` and stores encode numbers and words; zstd may follow
 
 
 class Declared(NamedTuple):
-    """What an array says that it holds; a word has no item size."""
+    """The declared content of an array; words have no item size."""
 
     shape: tuple[int, ...]
     chunk: tuple[int, ...]
@@ -44,12 +44,12 @@ class Declared(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Bytes that the array takes in memory, and what reading it takes beside that: a chunk, unpacked."""
+        """Bytes of memory that reading the array takes: its values and one unpacked chunk."""
         return (self.item or WORD) * (math.prod(self.shape) + math.prod(self.chunk))
 
 
 class GuardedStore(LocalStore):
-    """A Zarr store in a folder: each file read is a regular one inside it, and a chunk decodes to what is declared.
+    """A Zarr store in a folder: it reads only regular files inside it, and chunks that decode to what is declared.
 
     `OSError` names the file that is refused. Nothing is written or removed through a link out of the folder.
     """
@@ -64,18 +64,18 @@ class GuardedStore(LocalStore):
     async def get(
         self, key: str, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
     ) -> Buffer | None:
-        """Return the content of a file, or None where there is none."""
+        """Return the content of a file, or None if there is none."""
         return await asyncio.to_thread(self.get_sync, key, prototype=prototype, byte_range=byte_range)
 
     def get_sync(
         self, key: str, *, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
     ) -> Buffer | None:
-        """Return the content of a file, or None where there is none."""
+        """Return the content of a file, or None if there is none."""
         content = self.content(key)
         if content is None:
             return None
         if byte_range is not None:
-            raise self._refused(key, "would be read in part, as no array of this package is")
+            raise self._refused(key, "would be read in part, which no array of this package needs")
         return (prototype or default_buffer_prototype()).buffer.from_bytes(content)
 
     async def get_partial_values(
@@ -85,7 +85,7 @@ class GuardedStore(LocalStore):
         return [await self.get(key, prototype, part) for key, part in key_ranges]
 
     def content(self, key: str) -> bytes | None:
-        """Return the content of a file once it has been checked, or None where there is none."""
+        """Return the content of a file once it has been checked, or None if there is none."""
         if key.rpartition("/")[2] == DESCRIPTION:
             content = self._bytes(key, MOST_TEXT)
             if content is not None:
@@ -102,14 +102,14 @@ class GuardedStore(LocalStore):
         return content
 
     def is_whole(self, key: str) -> bool:
-        """Whether a file is there and was not altered since it was written."""
+        """Return whether a file is there and was not altered since it was written."""
         try:
             return self.content(key) is not None
         except (OSError, ValueError):
             return False
 
     def declared(self, name: str) -> Declared | None:
-        """Return the declaration of an array; None where there is none, or a group."""
+        """Return the declaration of an array; None if there is none, or for a group."""
         if name not in self._declared:
             self.content(f"{name}/{DESCRIPTION}")
         return self._declared.setdefault(name, None)
@@ -120,17 +120,17 @@ class GuardedStore(LocalStore):
         return sum(array.size for array in arrays if array)
 
     def check_sweep(self, axes: Iterable[str], names: Iterable[str]) -> None:
-        """Raise where a stored sweep has lost a chunk, which Zarr would read as missing values.
+        """Raise if a stored sweep has lost a chunk, which Zarr would read as missing values.
 
-        The status of a tile is written last: where it lies, every array of these `names` has a chunk, which spans
-        whatever dimensions follow those of the grid.
+        The status of a tile is written last: where it exists, every array of these `names` has a chunk, which spans all
+        dimensions that follow those of the grid.
         """
         if self.declared(RECORDS) is None:
             return
         dims = {name: len(array.shape) for name in names if (array := self.declared(name))}
         chunks = [f"{axis}/c/0" for axis in axes]
         for tile in (self.root / "status/c").glob("/".join("*" * dims["status"])):
-            if tile.name.isdigit():  # else half written
+            if tile.name.isdigit():  # else it is partly written
                 place = tile.relative_to(self.root / "status").as_posix()
                 chunks += [f"{name}/{place}{'/0' * (number - dims['status'])}" for name, number in dims.items()]
         for chunk in chunks:
@@ -146,18 +146,18 @@ class GuardedStore(LocalStore):
         except (OSError, ValueError) as error:
             raise self._refused(key, f"cannot be read ({getattr(error, 'strerror', error)})") from None
         if not real.startswith(self._real + os.sep):
-            raise self._refused(key, "is a link out of the store; put what it means in its place")
+            raise self._refused(key, "is a link out of the store; replace it by its target")
         if stat.S_ISDIR(state.st_mode):
             return None
         if not stat.S_ISREG(state.st_mode):
-            raise self._refused(key, "is no regular file")
+            raise self._refused(key, "is not a regular file")
         if state.st_size > most:
             raise self._refused(key, f"takes {in_words(state.st_size)}, more than its array declares")
         with open(real, "rb") as file:
             return file.read(state.st_size)
 
     def _describe(self, key: str, content: bytes) -> None:
-        """Note what an array declares; raise where a description is damaged, or none that this package writes."""
+        """Record what an array declares; raise if its description is damaged or not one that this package writes."""
         name = key.removesuffix(DESCRIPTION).removesuffix("/")
         try:
             described = json.loads(content)
@@ -173,14 +173,14 @@ class GuardedStore(LocalStore):
         self._declared[name] = array
 
     def _check_chunk(self, key: str, content: bytes, array: Declared, size: int) -> None:
-        """Raise unless a chunk decodes to `size` bytes; one of words to as many words as it has, in `size` at most."""
+        """Raise unless a chunk decodes to `size` bytes, or to the declared number of words in at most `size` bytes."""
         try:
             plain = _unpacked(content, size) if array.packed else content
         except (RuntimeError, ValueError):
             plain = b""
         words = int.from_bytes(plain[:4], "little")
         if len(plain) != size if array.item else words != math.prod(array.chunk):
-            raise self._refused(key, "was altered, or is no chunk of its array; a stored sweep computes it again")
+            raise self._refused(key, "was altered, or is not a chunk of its array; run a stored sweep again to repair")
 
     def _refused(self, key: str, why: str) -> OSError:
         return OSError(f"{str(self.root / key)!r} {why}")
@@ -188,34 +188,34 @@ class GuardedStore(LocalStore):
     # Writing
 
     async def set(self, key: str, value: Buffer) -> None:
-        """Write a file; a link or a pipe that has its name goes."""
+        """Write a file, replacing a link or a pipe of its name."""
         self._check_folder(key)
         await super().set(key, value)
 
     def set_sync(self, key: str, value: Buffer) -> None:
-        """Write a file; a link or a pipe that has its name goes."""
+        """Write a file, replacing a link or a pipe of its name."""
         self._check_folder(key)
         super().set_sync(key, value)
 
     async def delete(self, key: str) -> None:
-        """Remove a file, or what has its name."""
+        """Remove a file, or the link or pipe of its name."""
         self._check_folder(key)
         await super().delete(key)
 
     def delete_sync(self, key: str) -> None:
-        """Remove a file, or what has its name."""
+        """Remove a file, or the link or pipe of its name."""
         self._check_folder(key)
         super().delete_sync(key)
 
     def _check_folder(self, key: str) -> None:
-        """Refuse to touch a file behind a link out of the store."""
+        """Raise if a file lies behind a link out of the store."""
         folder = os.path.realpath((self.root / key).parent)
         if not f"{folder}{os.sep}".startswith(self._real + os.sep):
-            raise self._refused(key, "lies behind a link out of the store; put the folder in its place")
+            raise self._refused(key, "lies behind a link out of the store; replace it by the folder")
 
 
 def _declared(described: dict[str, Any]) -> Declared:
-    """Return the declaration in the description of an array; raise some error where this package writes no such one."""
+    """Return the declaration in an array's description; raise if this package writes no such description."""
     shape, chunk = tuple(described["shape"]), tuple(described["chunk_grid"]["configuration"]["chunk_shape"])
     names = described.get("dimension_names") or [None] * len(shape)
     codecs = [codec if isinstance(codec, str) else codec["name"] for codec in described["codecs"]]
@@ -244,20 +244,20 @@ def _declared(described: dict[str, Any]) -> Declared:
 
 
 def _unpacked(content: bytes, most: int) -> bytes:
-    """Return what a chunk decodes to; raise where it was altered, or takes more than `most` bytes."""
-    Zstd().decode(content, np.empty(most, np.uint8))  # never writes beyond its end, whatever the chunk says of itself
+    """Return the decoded chunk; raise if it was altered or takes more than `most` bytes."""
+    Zstd().decode(content, np.empty(most, np.uint8))  # never writes beyond the end, whatever the chunk declares
     return bytes(Zstd().decode(content))
 
 
 def netcdf_size(path: Path) -> int:
     """Return the bytes that the variables of a NetCDF file take in memory.
 
-    `OSError`: it is no regular file, or no HDF5, or a variable lies elsewhere. Chunks are not looked into.
+    `OSError`: it is not a regular file, not HDF5, or a variable is stored elsewhere. Chunks are not inspected.
     """
     import h5py
 
     if not path.is_file():
-        raise OSError(f"{str(path)!r} is no regular file")
+        raise OSError(f"{str(path)!r} is not a regular file")
     size = 0
     with h5py.File(path, "r") as file:
         for name in file:

@@ -41,7 +41,7 @@ class Course(NamedTuple):
 
 
 class ThoroughIndices(NamedTuple):
-    """Indices that thorough lanes give beside them."""
+    """Indices that thorough lanes give beside them, and the first kept impact."""
 
     lyapunov: float
     lyapunov_per_impact: float
@@ -51,6 +51,8 @@ class ThoroughIndices(NamedTuple):
     stick_fraction: float
     impact_phase_spread: float
     grazing_margin: float
+    first_phase: float
+    first_velocity: float
 
 
 # The columns of what cells hand out.
@@ -94,7 +96,7 @@ def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
     n_periods, n_impacts = facts[PERIODS], facts[IMPACTS]
     if facts[PERIODS] > 0.0 and facts[PARTING] >= UNRESOLVED:  # it rests again, but rounding decides when
         n_periods, n_impacts = 0.0, -1.0
-    phases = lane.load_phases(lanes, i)
+    phases, opening = lane.load_phases(lanes, i), lane.load_first(lanes, i)
     lost = energy_loss(cell.mass, cell.restitution) / (note[H] * note[H])
     if facts[PERIODS] > 0.0:
         exponent = facts[LOG_RADIUS] / (facts[PERIODS] * period)
@@ -124,5 +126,7 @@ def harvest_thoroughly(lanes, i, note, facts, cell, keep, result, trace):
         stick_fraction=resting,
         impact_phase_spread=max(1.0 - math.hypot(phases.s, phases.c) / keep, 0.0),
         grazing_margin=margin if margin < NONE else math.inf,
+        first_phase=phase_of(opening.s, opening.c),
+        first_velocity=sums.shift / note[H],
     )
     _put(result, _THOROUGH, indices)

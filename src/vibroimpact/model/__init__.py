@@ -1,4 +1,4 @@
-"""What the machinery knows of a model, and the state that a motion starts from."""
+"""The interface of models, and the initial condition of a motion."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Model(Protocol):
-    """What the machinery knows of a model: its table of parameters, their values, and the cells that it makes.
+    """The interface of models: a table of parameters, their values, and the cells that a model makes.
 
-    `str()` of a model names it without its values: in titles, in files, and in the identity of a store.
+    `str()` of a model is its name without values; it is used in titles, in files, and in the identity of a store.
     """
 
     @property
@@ -26,7 +26,7 @@ class Model(Protocol):
 
     @property
     def values(self) -> dict[str, float]:
-        """Their values; of parameters that replace one another, one, while the others are attributes."""
+        """Their values; if parameters replace one another, only one is listed and the others are attributes."""
         ...
 
     def replace(self, **changes: float) -> Model:
@@ -34,11 +34,11 @@ class Model(Protocol):
         ...
 
     def at(self, **values: float) -> Any:
-        """Return the oscillator or the system that it is at some values of its parameters."""
+        """Return the oscillator or the system at some values of the parameters."""
         ...
 
     def cells(self, points: Mapping[str, Any], start: State | None = None) -> Cells:
-        """Return one cell per point, from its columns of values."""
+        """Return one cell per point, from the columns of its values."""
         ...
 
 
@@ -50,33 +50,36 @@ def is_model(value: Any) -> TypeGuard[Model]:
     return kind in _CLASSES
 
 
-_CLASSES: set[type] = set()  # of models met so far: to ask a protocol takes longer than to make a model
+_CLASSES: set[type] = set()  # of models seen before: checking a protocol takes longer than making a model
 
 
 def check_model(model: Any, name: str = "osc") -> None:
-    """Refuse what is neither an oscillator, a system nor a family."""
+    """Raise unless `model` is an oscillator, a system or a family."""
     if not is_model(model):
-        raise invalid(name, model, "an ImpactOscillator or a family", "write for example ImpactOscillator(omega=2.8)")
+        raise invalid(
+            name, model, "an ImpactOscillator, an ImpactSystem or a family", "for example ImpactOscillator(omega=2)"
+        )
 
 
 def check_names(parameters: Mapping[str, Parameter], names: Iterable[str]) -> None:
-    """Refuse names that are no parameters, with the one that was probably meant, also by its symbol."""
+    """Raise if names are not parameters, and suggest the one that was probably meant, also by its symbol."""
     for name in names:
         if not isinstance(name, str) or name not in parameters:
             meant = next((key for key, parameter in parameters.items() if parameter.symbol == str(name)), None)
-            raise unknown("parameter", name, parameters, f"did you mean {meant!r}?" if meant else "")
+            raise unknown("parameter", name, parameters, meant=meant or "")
 
 
 @dataclass(frozen=True)
 class State:
-    """Where the mass is, how fast it moves towards the stop, and when; for a system, its coordinates and their rates.
+    """An initial condition: displacement, velocity and time; for a system, all its coordinates and their rates.
 
     Parameters
     ----------
     displacement : float or sequence of float
         y in m; at most the gap. For an `ImpactSystem`, all coordinates, kept as a tuple.
     velocity : float or sequence of float
-        y' in m/s; at the stop, > 0 is an impact at this very time. As many as coordinates, all 0 unless given.
+        y' in m/s; a value > 0 at the stop is an impact at this very time. For an `ImpactSystem`, one per coordinate; 0
+        by default.
     time : float
         t in s; the force is f sin(w t).
 
@@ -99,7 +102,7 @@ class State:
             numbers["velocity"] = (0.0,) * places
         elif places != speeds:
             got = " and ".join(str(count or "a single number") for count in (places, speeds))
-            raise ValueError(f"`displacement` and `velocity` must have as many numbers, got {got}")
+            raise ValueError(f"`displacement` and `velocity` must have the same length, got {got}")
         for name, value in numbers.items():
             object.__setattr__(self, name, value)
         object.__setattr__(self, "time", real_number("time", self.time))
@@ -109,13 +112,13 @@ def _numbers(name: str, values: Any) -> float | tuple[float, ...]:
     """Return a number, or those of a one-dimensional list or array as a tuple."""
     if isinstance(values, (list, tuple)) or getattr(values, "ndim", 0) == 1:
         if not len(values):
-            raise invalid(name, values, "a number, or numbers for all coordinates")
+            raise invalid(name, values, "a number, or one number per coordinate")
         return tuple(real_number(f"{name}[{at}]", value) for at, value in enumerate(values))
     return real_number(name, values)
 
 
 def one_start(start: Any) -> State | None:
-    """Return one initial condition, or refuse what is none."""
+    """Return an initial condition; raise if it is neither None nor a State."""
     if not (start is None or isinstance(start, State)):
         raise invalid("start", start, "None or a State", "write State(displacement, velocity=0.0, time=0.0)")
     return start

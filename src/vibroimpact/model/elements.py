@@ -1,6 +1,7 @@
-"""The kinds of stops: the numbers of each, what its contacts do, and what is reported of them.
+"""The kinds of stops: their numbers, their contact laws, and the quantities that are reported of each contact.
 
-A stop asks its element. Above the kernels and the back ends nothing else knows which kinds there are.
+Every stop has an element of one of these kinds. Outside the kernels and the back ends, only this module distinguishes
+them.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from vibroimpact.contact import LAWS, Law, law_of
 from vibroimpact.parameters import CRITICAL, OF_ONE_MASS, Parameter, Scale, critical_damping, invalid
 
-SHORTEST = 1e-9  # driving periods: shorter contacts are those of a rigid stop
+SHORTEST = 1e-9  # driving periods: a shorter contact is equivalent to an impact on a rigid stop
 
 _STIFFNESS = replace(
     OF_ONE_MASS["stiffness"], hint="give the stiffness of a compliant stop in N/m; leave it out for a rigid stop"
@@ -30,9 +31,10 @@ NUMBERS: Mapping[str, Parameter] = MappingProxyType(
 
 
 class Block(NamedTuple):
-    """The columns of a table of cells that hold one number of every stop, and their value where a stop has none.
+    """The columns of a table of cells that hold one number of every stop, and their value for stops without it.
 
-    Over the mass that is struck, numbers of stops have the unit of 1/s to a `power`: engines count time in steps.
+    Divided by the mass that hits the stop, such a number has the unit 1/s^`power`; engines need this because they
+    measure time in steps.
     """
 
     name: str
@@ -40,7 +42,7 @@ class Block(NamedTuple):
     power: int = 0
 
 
-# By the numbers; then the mark of a law, whose own number stands for a restitution.
+# By the numbers' names; then the mark of a law, whose own number takes the place of a restitution.
 BLOCKS: Mapping[str, Block] = MappingProxyType(
     {
         "gap": Block("gap"),
@@ -53,7 +55,7 @@ BLOCKS: Mapping[str, Block] = MappingProxyType(
 
 
 class Report(NamedTuple):
-    """A number that is reported of every contact: its label, and the field of samples that holds it."""
+    """A quantity that is reported of every contact: its label, and the field of samples that holds it."""
 
     long_name: str
     unit: str
@@ -73,20 +75,20 @@ REPORTS: Mapping[str, Report] = MappingProxyType(
 
 
 class Element(ABC):
-    """The kind of a stop, with its numbers.
+    """One kind of stop, with its numbers.
 
     Attributes
     ----------
     word : str
-        The kind, as sentences name its stops.
+        The kind in words, for messages.
     takes : tuple of str
-        The arguments of `Stop` that make it; the first one chooses the kind.
+        The arguments of `Stop` that make it; if the first one is given, the stop is of this kind.
     instead : mapping of str to str
-        What to do about an argument of another kind.
+        What to do instead, for each argument that only another kind takes.
     reports : tuple of str
-        What is reported of each contact.
+        The quantities that are reported of each contact.
     instantaneous : bool
-        Whether a contact takes no time: the rate of the clearance jumps, and no force has a value.
+        Whether a contact takes no time: the rate of the clearance jumps, and the force has no value.
     impenetrable : bool
         Whether the clearance is never negative.
     """
@@ -106,7 +108,7 @@ class Element(ABC):
     @property
     @abstractmethod
     def lossless(self) -> bool:
-        """Whether contacts take no energy."""
+        """Whether contacts lose no energy."""
 
     @property
     def law(self) -> Law | None:
@@ -115,35 +117,35 @@ class Element(ABC):
 
     @property
     def ratio(self) -> float | None:
-        """The restitution, if there is one that is the same at all speeds."""
+        """The restitution, if it is the same at all speeds."""
         return None
 
     def row(self) -> dict[str, float]:
-        """Return the numbers that stand in `BLOCKS`."""
+        """Return the numbers for the columns of `BLOCKS`."""
         return {name: getattr(self, name) for name in self.takes}
 
     @abstractmethod
     def rebound(self, v: Any) -> Any:
-        """Return r: minus the rate of the clearance just after contact begins at speeds v in m/s, over that before."""
+        """Return r = -(rate of the clearance just after contact begins) / (rate before), at speeds v in m/s."""
 
     @abstractmethod
     def sensitivity(self, v: Any) -> Any:
-        """Return d(r v)/dv with that r: what a change of the speed before leaves of itself."""
+        """Return d(r v)/dv with that r: the change of the speed after per change of the speed before."""
 
     def acts_as(self, other: Element, ratio: float, within: float) -> bool:
-        """Return whether another element does the same along a direction that is shorter by that ratio."""
+        """Return whether another element acts the same along a direction that is shorter by that ratio."""
         return self == other
 
     @abstractmethod
     def force(self, depth: Any, rate: Any) -> Any:
-        """Return the force in N at penetrations in m that grow at rates in m/s; NaN where it has no value."""
+        """Return the force in N at penetrations in m and their rates in m/s; NaN if the force has no value."""
 
     @abstractmethod
     def scales(self, mass: float, omega: float) -> dict[str, Scale]:
-        """Return the sizes of its numbers where it is struck by a mass, driven at an angular frequency."""
+        """Return the scales of its numbers for the mass in kg that hits it and the angular driving frequency."""
 
     def too_short(self, mass: float, period: float) -> str:
-        """Return why contacts of a mass are those of a simpler stop; "" if they are not."""
+        """Return why a simpler stop is equivalent for a mass in kg and a driving period in s; "" if it is not."""
         return ""
 
 
@@ -153,20 +155,20 @@ class Rigid(Element):
 
     word = "rigid"
     takes = ("restitution",)
-    instead = MappingProxyType({"damping": "give a `stiffness` (N/m) to a compliant one"})
+    instead = MappingProxyType({"damping": "give a `stiffness` (N/m) for a compliant stop"})
     instantaneous = impenetrable = True
 
     restitution: float | Law
 
     def __init__(self, restitution: Any) -> None:
         ratio = 0.8 if restitution is None else restitution
-        if type(ratio) is not float:  # as families have them by the thousands
+        if type(ratio) is not float:  # a short way, since families have thousands of these
             ratio = law_of(ratio)
         vars(self)["restitution"] = ratio if isinstance(ratio, Law) else NUMBERS["restitution"].check(ratio)
 
     @property
     def law(self) -> Law | None:
-        """The law of restitution; None where it is a number."""
+        """The law of restitution; None if it is a number."""
         return self.restitution if isinstance(self.restitution, Law) else None
 
     @property
@@ -185,7 +187,7 @@ class Rigid(Element):
         return self.restitution.constant if isinstance(self.restitution, Law) else self.restitution
 
     def row(self) -> dict[str, float]:
-        """Return the restitution, or the number of a law and its mark, by which kernels find it again."""
+        """Return the restitution, or the number of a law and the mark by which kernels find the law."""
         if (ratio := self.ratio) is not None:
             return {"restitution": ratio}
         law: Any = self.restitution
@@ -211,11 +213,11 @@ class Rigid(Element):
 
 @dataclass(frozen=True, init=False)
 class Compliant(Element):
-    """A compliant stop: a spring and a damper push with max(0, k d + c d') while it is pressed in by d."""
+    """A compliant stop: a spring and a damper push with max(0, k d + c d') at a penetration d > 0."""
 
     word = "compliant"
     takes = ("stiffness", "damping")
-    instead = MappingProxyType({"restitution": "give it `damping`"})
+    instead = MappingProxyType({"restitution": "give `damping` instead"})
     reports = (*Element.reports, "peak_force", "contact_time", "penetration")
     instantaneous = impenetrable = False
 
@@ -232,7 +234,7 @@ class Compliant(Element):
         return self.damping == 0.0
 
     def rebound(self, v: Any) -> Any:
-        """Return -1: the rate goes on."""
+        """Return -1: the rate does not change."""
         return -1.0
 
     def sensitivity(self, v: Any) -> Any:
@@ -240,35 +242,35 @@ class Compliant(Element):
         return -1.0
 
     def acts_as(self, other: Element, ratio: float, within: float) -> bool:
-        """Return whether another stop is as stiff and damped per length of its direction, squared."""
+        """Return whether k and c of another stop are the same, per length of its direction squared."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=False)
         return isinstance(other, Compliant) and all(abs(a * ratio**2 - b) <= within * b for a, b in pairs)
 
     def force(self, depth: Any, rate: Any) -> Any:
-        """Return max(0, k d + c d'), 0 where d <= 0."""
+        """Return max(0, k d + c d'), or 0 if d <= 0."""
         return np.where(depth > 0.0, np.maximum(self.stiffness * depth + self.damping * rate, 0.0), 0.0)
 
     def scales(self, mass: float, omega: float) -> dict[str, Scale]:
-        """Return m w^2 for the stiffness, and critical damping."""
+        """Return m w^2 for the stiffness, and critical damping for the damping."""
         critical = critical_damping(self.stiffness, mass)
         return {"stiffness": Scale(mass * omega**2, "m w^2"), "damping": Scale(critical, CRITICAL)}
 
     def too_short(self, mass: float, period: float) -> str:
-        """Return the restitution that is as good where contacts last less than 1e-9 periods."""
+        """Return the equivalent restitution if contacts last less than 1e-9 driving periods."""
         if math.pi * math.sqrt(mass / self.stiffness) >= SHORTEST * period:
             return ""
         ratio = self.damping / critical_damping(self.stiffness, mass)
         return (
             f"takes less than {SHORTEST:g} driving periods; a rigid stop with the restitution of a damping ratio of "
-            f"{ratio:.3g} is the same and faster"
+            f"{ratio:.3g} gives the same result faster"
         )
 
 
-KINDS: tuple[Any, ...] = (Compliant, Rigid)  # the last one where no argument chooses
+KINDS: tuple[Any, ...] = (Compliant, Rigid)  # the last one is the default
 
 
 def element_of(arguments: Mapping[str, Any]) -> Element:
-    """Return the element that arguments of a stop make; None is not given, and stands for the usual value."""
+    """Return the element for arguments of a stop; None means not given, and the default is used."""
     for kind in KINDS:
         if arguments[kind.takes[0]] is not None:
             break
@@ -280,5 +282,5 @@ def element_of(arguments: Mapping[str, Any]) -> Element:
 
 
 def bars(blocks: Mapping[str, Any]) -> Any:
-    """Return the mask of impenetrable stops in a table of cells, from its blocks by the numbers of stops."""
+    """Return the mask of impenetrable stops in a table of cells, from its blocks by name."""
     return blocks["stiffness"] == 0.0

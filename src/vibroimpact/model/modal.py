@@ -1,4 +1,4 @@
-"""The modes of a linear system, in which an engine flies it, and the scale of its velocities."""
+"""The modes of a linear system, in which engines compute its flight, and the scale of its velocities."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import numpy as np
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import KEPT, ROUNDING, block_matrix, blocks, closed, modes, scaled, symmetric
 
-TURNED = 1e-6  # at most, in rad: eigenvectors by rounding
-FREE = 0.01  # of the driving frequency: slower modes are masses without a spring where speeds are estimated
+TURNED = 1e-6  # rad: the largest rotation of eigenvectors that counts as rounding
+FREE = 0.01  # of the driving frequency: slower modes count as masses without a spring when speeds are estimated
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,8 @@ class ModalForm:
     Parameters
     ----------
     shapes : (n, n) array
-        Eigenvectors of (K, M) as columns, the largest entry of each being 1; the identity where M and K are diagonal,
-        but for the order. Modes of one frequency are combined so that damping parts them, if any combination can.
+        Eigenvectors of (K, M) as columns, the largest entry of each being 1; for diagonal M and K, columns of the
+        identity. If possible, modes of equal frequency are combined so that damping does not couple them.
     inverse : (n, n) array
         Its inverse: eta = `inverse` q.
     masses : (n,) array
@@ -40,20 +40,20 @@ class ModalForm:
     damping : (n, n) array
         D, the modal damping over the modal masses (of its row).
     decoupled : bool
-        Whether D is diagonal; of its other entries those that rounding explains are exactly 0.
+        Whether D is diagonal; its other entries are exactly 0 if rounding explains them.
     neutral : (2, n) boolean array
-        Of eta and of eta' those of a free centre. A rigid-body mode that moves no stop's clearance comes first, and
-        nothing depends on its eta; on its eta' neither, if damping couples it to no other mode.
+        Which eta and which eta' belong to a free centre. A rigid-body mode that moves no stop's clearance comes first,
+        and nothing depends on its eta; nothing depends on its eta' either, if damping couples it to no other mode.
     directions, jumps : (s, n) array
         alpha = a `shapes`, and alpha over the modal masses.
     constant : (n,) array
-        f_0, over the modal masses as all forces here.
+        f_0, divided by the modal masses like all forces here.
     orders : (H,) integer array
         The orders h of all harmonics of force and stops, ascending.
     forces : (H, n) complex array
         f_h.
     gaps, restitution, stiffness, viscosity : (s,) array
-        g; r, NaN of a compliant stop or whose r is a law; k and c, zero of a rigid one.
+        g; r, NaN for a compliant stop or if r is a law; k and c, zero for a rigid stop.
     motions : (s, H) complex array
         d_h.
     omega : float
@@ -61,8 +61,9 @@ class ModalForm:
 
     Notes
     -----
-    Arrays are read-only. One coordinate, and each that no other is coupled to by M or K, has the numbers of plain
-    division: k/m, c/m, p/m, a/m. Scaling of mass, force, length or time by powers of two scales all numbers exactly.
+    Arrays are read-only. With one coordinate, and for each one that neither M nor K couples to another, the numbers are
+    those of plain division: k/m, c/m, p/m, a/m. Scaling of mass, force, length or time by powers of two scales all
+    numbers exactly.
     """
 
     shapes: Floats
@@ -90,19 +91,20 @@ class ModalForm:
                 value.setflags(write=False)
 
     def replace(self, force: Any, stops: Any) -> ModalForm:
-        """Return the form with the frequency of another force, and the numbers of other stops."""
+        """Return the form with the frequency of another force and the numbers of other stops."""
         return replace(self, omega=force.omega, **numbers_of(stops))
 
     @property
     def mobility(self) -> Floats:
-        """G = a M^-1 a^T, (s, s): what unit impulses on the stops change the rates of the clearances by."""
+        """G = a M^-1 a^T, (s, s): the changes of the clearances' rates by unit impulses on the stops."""
         mobility: Floats = self.directions @ self.jumps.T
         return mobility
 
     @property
     def deflections(self) -> Floats:
-        r"""The change of clearances by forces at rest, :math:`\sum_{i,h} |\alpha_{ji} f_{hi}|/\Omega_i^2`, and the
-        largest move of the stop itself; w stands for the :math:`\Omega` of modes without a spring.
+        r"""The displacements :math:`\sum_{i,h} |\alpha_{ji} f_{hi}|/\Omega_i^2` by static forces, plus the stops' own.
+
+        For modes without a spring, w replaces :math:`\Omega`.
         """
         pushes = np.abs(self.constant) + np.abs(self.forces).sum(axis=0)
         squares = np.where(self.squares > 0.0, self.squares, self.omega**2)
@@ -111,7 +113,7 @@ class ModalForm:
 
 
 def numbers_of(stops: Any) -> dict[str, Any]:
-    """Return gaps, restitutions, stiffnesses and viscosities of stops, NaN or 0 where a stop has none."""
+    """Return gaps, restitutions, stiffnesses and viscosities of stops; NaN or 0 if a stop has none."""
     numbers = [stop.element.row() for stop in stops]
     ratios = [math.nan if stop.ratio is None else stop.ratio for stop in stops]
     return {
@@ -123,7 +125,7 @@ def numbers_of(stops: Any) -> dict[str, Any]:
 
 
 def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, stops: Any) -> ModalForm:
-    """Return the modal form of matrices that are checked, with their force and stops."""
+    """Return the modal form of checked matrices with their force and stops."""
     n = len(mass)
     normals = np.array([stop.direction for stop in stops]).reshape(-1, n)
     shapes, masses, squares, coupling, decoupled, neutral = _linear(
@@ -156,7 +158,7 @@ def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, sto
 
 
 def _along(forces: Any, shapes: Floats, neutral: Any) -> Any:
-    """Return the modal forces; what rounding leaves of those that only move a free centre is 0 on the other modes."""
+    """Return the modal forces; those that are rounding of forces on a free centre alone are set to 0."""
     modal = forces @ shapes
     if neutral.any():
         modal[np.abs(modal) <= len(shapes) * ROUNDING * (np.abs(forces) @ np.abs(shapes))] = 0.0
@@ -165,9 +167,7 @@ def _along(forces: Any, shapes: Floats, neutral: Any) -> Any:
 
 @lru_cache(KEPT)
 def _linear(n: int, *entries: bytes) -> tuple[Floats, Floats, Floats, Floats, bool, Any]:
-    """Return shapes, modal masses, squares, damping and what is neutral of three matrices and the stops' directions;
-    designs of one family share them.
-    """
+    """Return the shapes, masses, squares, damping, `decoupled` and `neutral` of a form; families share them."""
     mass, damping, stiffness, directions = (np.frombuffer(part).reshape(-1, n) for part in entries)
     shapes, squares = modes(mass, stiffness)
     shapes, free = _centred(shapes, squares, mass, directions)
@@ -177,7 +177,7 @@ def _linear(n: int, *entries: bytes) -> tuple[Floats, Floats, Floats, Floats, bo
     coupling[_by_rounding(coupling, damping, shapes, masses, squares, free)] = 0.0
     decoupled = np.count_nonzero(coupling) == np.count_nonzero(np.diag(coupling))
     neutral = np.tile(np.arange(n) < free, (2, 1))
-    for _ in range(free):  # what a mode feels that is not neutral is not neutral either
+    for _ in range(free):  # a mode that acts on a mode that is not neutral is not neutral either
         neutral[1] &= ~coupling[~neutral[1]].any(axis=0)
     for part in (shapes, masses, squares, coupling, neutral):
         part.setflags(write=False)
@@ -185,7 +185,7 @@ def _linear(n: int, *entries: bytes) -> tuple[Floats, Floats, Floats, Floats, bo
 
 
 def _centred(shapes: Floats, squares: Floats, mass: Floats, directions: Floats) -> tuple[Floats, int]:
-    """Return the modes, rigid-body ones combined so that those come first which move no clearance; and their number."""
+    """Return the modes, combined so that rigid-body modes that move no clearance come first, and their number."""
     rigid = int(np.count_nonzero(squares == 0.0))
     alike = shapes[:, :rigid]
     alike = alike / np.sqrt(np.einsum("ji,jk,ki->i", alike, mass, alike) / mass[0, 0])
@@ -207,7 +207,7 @@ def _centred(shapes: Floats, squares: Floats, mass: Floats, directions: Floats) 
 
 
 def _admixed(shapes: Floats, squares: Floats) -> Floats:
-    """Return the angle by which rounding of stiffnesses turns each mode, at most, towards elastic ones of its group."""
+    """Return the largest angle in rad by which rounding of stiffnesses turns each mode towards elastic ones."""
     n, grouped = len(squares), np.abs(shapes).T @ np.abs(shapes) > 0.0
     largest = np.where(grouped, squares, 0.0).max(axis=1)
     softest = np.where(grouped & (squares > 0.0), squares, np.inf).min(axis=1)
@@ -216,9 +216,9 @@ def _admixed(shapes: Floats, squares: Floats) -> Floats:
 
 
 def _parted(shapes: Floats, squares: Floats, mass: Floats, damping: Floats, free: int) -> Floats:
-    """Return the modes, those of one frequency combined so that damping does not couple them, if it is symmetric.
+    """Return the modes, those of equal frequency combined so that symmetric damping does not couple them.
 
-    The first ones, which are `free` of all stops, are combined with none of the others.
+    The first `free` ones, which move no stop's clearance, are not combined with the others.
     """
     shapes, n = shapes.copy(), len(squares)
     starts = sorted({0, free, *(np.flatnonzero(np.diff(squares) > n * ROUNDING * squares[1:]) + 1).tolist(), n})
@@ -234,10 +234,10 @@ def _parted(shapes: Floats, squares: Floats, mass: Floats, damping: Floats, free
 
 
 def _by_rounding(coupling: Floats, damping: Floats, shapes: Floats, masses: Floats, squares: Floats, free: int) -> Any:
-    """Return the mask of modal damping that rounding explains, off the diagonal and of the `free` modes on it.
+    """Return the mask of modal damping that rounding explains, off the diagonal and for the `free` modes on it.
 
-    It is rounding of the products, and that of the eigenvectors: two of one group of coordinates, whose squares are
-    apart by some part of the group's largest, are turned into each other by rounding over that part.
+    There is rounding of the products and of the eigenvectors. If the squares of two modes of one group of coordinates
+    differ by some fraction of the group's largest square, rounding turns one into the other by rounding / fraction.
     """
     n, size = len(masses), np.abs(shapes)
     products = size.T @ np.abs(damping) @ size / masses[:, None]
@@ -247,20 +247,20 @@ def _by_rounding(coupling: Floats, damping: Floats, shapes: Floats, masses: Floa
     resolved = grouped & (distances > n * ROUNDING * largest)
     turned = np.divide(n * ROUNDING * largest, distances, where=resolved, out=np.zeros((n, n)))
     rates = np.diag(coupling)
-    balance = np.sqrt(masses / masses[:, None])  # of rows over their own masses
+    balance = np.sqrt(masses / masses[:, None])  # of each row to its own mass
     by_turning = np.minimum(turned, TURNED) * np.abs(rates[:, None] - rates) * balance
     apart_or_free = ~np.eye(n, dtype=bool) | (np.arange(n) < free)
     return (np.abs(coupling) <= n * ROUNDING * products + by_turning) & apart_or_free
 
 
 def velocity_scale(form: ModalForm) -> float:
-    """Return the scale V > 0 of the rates of the clearances; `ImpactSystem.velocity_scale` has the formula."""
+    """Return the scale V > 0 of the rates of the clearances; `ImpactSystem.velocity_scale` gives the formula."""
     omega = np.array([form.omega])
     return float(velocity_scales(*speed_parts(form, omega), omega, form.gaps[None])[0])
 
 
 def velocity_scales(driven: Floats, rate: Floats, offset: Floats, omega: Floats, gaps: Floats) -> Floats:
-    """Return the scales of several systems from the parts of their speeds and their gaps, one row each."""
+    """Return the velocity scales of several systems from their `speed_parts` and gaps, one row each."""
     speeds = np.maximum(driven, rate * np.abs(gaps - offset)).max(axis=1, initial=0.0)
     still = omega * np.abs(gaps).max(axis=1, initial=0.0)
     scales: Floats = np.where(speeds > 0.0, speeds, np.where(still > 0.0, still, 1.0))
@@ -268,8 +268,10 @@ def velocity_scales(driven: Floats, rate: Floats, offset: Floats, omega: Floats,
 
 
 def speed_parts(form: ModalForm, omegas: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the parts of V beside the gaps at each frequency: for each stop the speed that force and motion make,
-    the rate at which a clearance becomes a speed and what is off it in equilibrium.
+    """Return the parts of V at each frequency, one number per stop.
+
+    They are the speed that force and motion cause, the factor from a clearance to a speed, and the displacement towards
+    the stop in equilibrium, by which the clearance is smaller than the gap.
     """
     elastic = form.squares >= (FREE * omegas[:, None]) ** 2
     entries = form.directions, form.masses, form.squares, form.damping
@@ -291,7 +293,7 @@ def speed_parts(form: ModalForm, omegas: Floats) -> tuple[Floats, Floats, Floats
 
 
 def _each(matrix: Any, columns: Any) -> Any:
-    """Return the product of a matrix with each of the columns, which are rows here."""
+    """Return the product of a matrix with each of the columns, which are stored as rows here."""
     return (matrix @ columns[..., None])[..., 0]
 
 
@@ -305,9 +307,9 @@ def _sizes(matrix: Floats, columns: Any) -> Floats:
 
 @lru_cache(KEPT)
 def _linked(n: int, *entries: bytes) -> Floats:
-    """Return orthonormal directions, in mass-normalised modes, of what can move a stop's clearance or be moved by it.
+    """Return orthonormal directions, in mass-normalised modes, that interact with a stop's clearance.
 
-    They span the least space that holds the stops' directions and is closed under Omega^2 and D^T.
+    They span the smallest space that contains the stops' directions and is closed under Omega^2 and D^T.
     """
     directions, masses, squares, coupling = map(np.frombuffer, entries)
     roots = np.sqrt(masses / _power_of_two(masses.max()))
@@ -320,7 +322,7 @@ def _linked(n: int, *entries: bytes) -> Floats:
 
 
 def _power_of_two(size: float) -> float:
-    """Return the unit in which a size is of order one: what is computed in it has the same digits in any other unit."""
+    """Return the power of two near a size; numbers divided by it have the same digits in any unit."""
     return math.ldexp(1.0, math.frexp(size)[1])
 
 
@@ -333,7 +335,7 @@ def fastest_rates(form: ModalForm, omegas: Floats) -> Floats:
 
 @lru_cache(KEPT)
 def _free_rate(*parts: bytes) -> float:
-    """Return the largest rate of free motion, damped or not."""
+    """Return the largest rate in 1/s of free motion, damped or not."""
     squares, entries = map(np.frombuffer, parts)
     n, unit = len(squares), _power_of_two(math.sqrt(squares.max()) or np.abs(entries).max())
     squared, damping = np.diag(squares / unit / unit), entries.reshape(n, n) / unit
@@ -344,13 +346,15 @@ def _free_rate(*parts: bytes) -> float:
 def steady_motions(
     form: ModalForm, omegas: Floats, forces: Any, motions: Any
 ) -> tuple[dict[str, Floats], Floats, Floats]:
-    r"""Return the steady motion without stops at each frequency, with what free motion of a given energy takes of each
-    clearance at most; what the steady displacement takes of it, and the steady swing; NaN where there is none.
+    r"""Return the steady motion without stops at each frequency, and what it takes of the clearances.
 
-    Modes without stiffness that no damping couples to others may drift beside it. Those that it couples, or that it
-    brakes under a constant load, a set B, keep :math:`c = \dot\eta_B + D_B \eta`: with :math:`\beta = D_{BB}^{-T}
-    \alpha_B` they take :math:`\beta (c - \dot\eta_B - D_{Be} \eta_e)` of a clearance, and slide at
-    :math:`D_{BB}^{-1} f_B`.
+    The columns hold the steady motion, and the largest decrease of each clearance by free motion of a given energy. The
+    decreases by the steady displacement and by the steady oscillation follow, NaN if there is no steady motion.
+
+    Modes without stiffness that damping does not couple to others may drift in addition. Let B be the set of those that
+    damping couples, or that it brakes under a constant load. They keep :math:`c = \dot\eta_B + D_B \eta` constant: with
+    :math:`\beta = D_{BB}^{-T} \alpha_B` they reduce a clearance by :math:`\beta (c - \dot\eta_B - D_{Be} \eta_e)`, and
+    slide at :math:`D_{BB}^{-1} f_B`.
     """
     n, highest = forces.shape
     sprung = form.squares > 0.0
@@ -385,7 +389,7 @@ def steady_motions(
 
 
 def _solved(matrices: Any, column: Any) -> Any:
-    """Return the solutions of equations with one right-hand side; NaN of a singular matrix."""
+    """Return the solutions of equations with one right-hand side; NaN for a singular matrix."""
     try:
         return np.linalg.solve(matrices, np.tile(column, (len(matrices), 1))[..., None])[..., 0]
     except np.linalg.LinAlgError:

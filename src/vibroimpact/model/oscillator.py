@@ -1,4 +1,4 @@
-"""The seven numbers of an impact oscillator."""
+"""An impact oscillator: one mass, one stop, seven numbers."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 
 _AS_SYSTEM = (
     "write ImpactSystem(mass=m, damping=c, stiffness=k, force=Force(omega=w, harmonics={1: f}), "
-    "stops=[Stop(direction=1.0, gap=g, restitution=law)]), which takes laws"
+    "stops=[Stop(direction=1.0, gap=g, restitution=law)]) for a law of restitution"
 )
 PARAMETERS = tuple(name for name, parameter in OF_ONE_MASS.items() if parameter.replaces is None)
 
 
 @dataclass(frozen=True, init=False)
 class ImpactOscillator:
-    r"""One mass on a spring and damper, shaken by a sine, in front of a stop.
+    r"""One mass on a spring and damper, driven by a sine, in front of a stop.
 
     .. math:: m \ddot y + c \dot y + k y = f \sin \omega t \quad (y < g), \qquad
               \dot y \to -r \dot y \quad (y = g,\ \dot y > 0)
@@ -46,30 +46,30 @@ class ImpactOscillator:
     mass : float, > 0
         m in kg.
     damping : float, >= 0
-        c in N s/m; 0.01 unless `damping_ratio` is given.
+        c in N s/m; 0.01 by default, unless `damping_ratio` is given.
     stiffness : float, > 0
         k in N/m.
     amplitude : float, >= 0
         f, amplitude of the driving force in N.
     omega : float, > 0
-        w, angular driving frequency in rad/s; 2 unless `frequency` is given.
+        w, angular driving frequency in rad/s; 2 by default, unless `frequency` is given.
     restitution : float, 0 to 1
         r, speed after an impact over speed before it.
     gap : float
         g, clearance in m from the rest position to the stop; negative means preloaded.
     frequency : float, > 0
-        Driving frequency in Hz, in place of `omega`; both at once is an error.
+        Driving frequency in Hz, instead of `omega`; do not give both.
     damping_ratio : float, >= 0
-        zeta = c / (2 sqrt(k m)), in place of `damping`; both at once is an error.
+        zeta = c / (2 sqrt(k m)), instead of `damping`; do not give both.
 
     Raises
     ------
     ValueError
-        A parameter is misnamed, out of its range, infinite, NaN or text.
+        A parameter is unknown, out of range, infinite, NaN or text.
 
     Notes
     -----
-    All seven numbers may equally be dimensionless. The defaults are those of Lee's paper, section 3.
+    All seven numbers may also be dimensionless. The defaults are those of Lee's paper, section 3.
 
     Examples
     --------
@@ -81,14 +81,14 @@ class ImpactOscillator:
     """
 
     parameters: ClassVar[Mapping[str, Parameter]] = OF_ONE_MASS
-    kind: ClassVar[str] = "oscillator"  # as files name it
+    kind: ClassVar[str] = "oscillator"  # its name in files
     at_rest: ClassVar[str] = "rest at y = min(0, gap)"
     coordinates: ClassVar[int] = 1
     stop_names: ClassVar[tuple[str, ...]] = ("stop",)
     says_all: ClassVar[bool] = True  # its parameters are all its numbers
-    forgets: ClassVar[bool] = True  # phase and velocity of an impact are the whole state, and a rest erases all memory
-    step_cost: ClassVar[int] = 1  # of a certified step, which others are compared with
-    offsets: ClassVar[tuple[str, ...]] = ("gap",)  # parameters whose zero is a value like any other
+    forgets: ClassVar[bool] = True  # phase and velocity of an impact are the whole state; a rest erases all memory
+    step_cost: ClassVar[int] = 1  # cost of a certified step, the unit for other models
+    offsets: ClassVar[tuple[str, ...]] = ("gap",)  # parameters that may be zero like any other value
 
     mass: float
     damping: float
@@ -114,7 +114,7 @@ class ImpactOscillator:
     ) -> None:
         check_names(self.parameters, misnamed)
         if callable(restitution):
-            raise invalid("restitution", restitution, "a number here", _AS_SYSTEM)
+            raise invalid("restitution", restitution, "a number", _AS_SYSTEM)
         check_one("omega", omega, "frequency", frequency)
         check_one("damping", damping, "damping_ratio", damping_ratio)
         check = {name: parameter.check for name, parameter in self.parameters.items()}
@@ -129,9 +129,9 @@ class ImpactOscillator:
             object.__setattr__(self, name, check[name](value))
 
     def replace(self, **changes: float) -> ImpactOscillator:
-        """Return a copy with some parameters changed; `frequency` (Hz), `damping_ratio` may stand for theirs."""
+        """Return a copy with changed parameters; `frequency` (Hz) and `damping_ratio` replace `omega` and `damping`."""
         check_names(self.parameters, changes)
-        for name, value in changes.items():  # None, which the constructor takes for nothing given, is no value
+        for name, value in changes.items():  # the constructor takes None for "not given"; here it is refused
             self.parameters[name].check(value)
         dropped = {self.parameters[name].replaces for name in changes}
         kept = {name: value for name, value in self.values.items() if name not in dropped}
@@ -143,12 +143,12 @@ class ImpactOscillator:
         return {name: getattr(self, name) for name in PARAMETERS}
 
     def plain(self) -> dict[str, Any]:
-        """Return its numbers by name, as files hold them."""
+        """Return its numbers by name, as files store them."""
         return self.values
 
     @cached_property
     def system(self) -> ImpactSystem:
-        """The same machine as a system of one coordinate in front of one rigid stop."""
+        """The same oscillator as a system of one coordinate in front of one rigid stop."""
         from vibroimpact.model.stops import Force, Stop
         from vibroimpact.model.system import ImpactSystem
 
@@ -159,25 +159,25 @@ class ImpactOscillator:
 
     @property
     def stops(self) -> tuple[Stop, ...]:
-        """Its stop, as those of a system."""
+        """Its stop, in the form that systems use."""
         return self.system.stops
 
     def initial(self, start: State | None = None, argument: str = "start") -> tuple[Floats, Floats, float]:
-        """Return displacement, velocity and time of an initial condition that is checked, as systems do."""
+        """Return displacement, velocity and time of an initial condition after checking it, as systems do."""
         return self.system.initial(start, argument)
 
     def modal(self) -> ModalForm:
-        """Return it in the coordinate of its mode, as systems are."""
+        """Return the oscillator in its modal coordinate, as systems do."""
         return self.system.modal()
 
     def at(self, **values: float) -> ImpactOscillator:
-        """Return the oscillator with some parameters changed: what a model is at one point of its axes."""
+        """Return the oscillator with some parameters changed: the design at one point of the axes."""
         return self.replace(**values) if values else self
 
     def cells(self, points: Mapping[str, Any], start: State | None = None) -> Cells:
-        """Return one cell per point, all from the same start; None is at rest at min(0, gap) at time 0.
+        """Return one cell per point, all with the same initial condition; None means at rest at min(0, gap) at time 0.
 
-        `points` holds the values of some parameters, arrays of one length; without any, there is one cell.
+        `points` holds the values of some parameters, arrays of equal length; without parameters there is one cell.
         """
         import numpy as np
 
@@ -203,7 +203,7 @@ class ImpactOscillator:
 
     @property
     def rest(self) -> State:
-        """The state at rest that motions start from unless another one is given."""
+        """The default initial condition: at rest."""
         return State(min(0.0, self.gap))
 
     @property
@@ -255,7 +255,7 @@ class ImpactOscillator:
         return force / math.sqrt(self.stiffness * self.mass)
 
     def scales(self) -> dict[str, Scale]:
-        """Return the sizes that changes of its parameters are relative to where these are 0, by name."""
+        """Return the sizes that relative changes of parameters refer to when a parameter is 0, by name."""
         critical = critical_damping(self.stiffness, self.mass)
         return {
             "damping": Scale(critical, CRITICAL),
@@ -268,7 +268,7 @@ class ImpactOscillator:
     def dimensionless(self) -> tuple[ImpactOscillator, dict[str, float]]:
         """Return the same oscillator with m = k = 1 and f = 1 (g = +-1 if unforced), and its units.
 
-        The dictionary holds the size of one unit of `time` (s), `displacement` (m) and `velocity` (m/s).
+        The dictionary holds one unit of `time` in s, of `displacement` in m and of `velocity` in m/s.
         """
         force = max(self.amplitude, 0.0) or self.stiffness * abs(self.gap) or 1.0
         time, length = 1.0 / self.natural_frequency, force / self.stiffness
@@ -285,10 +285,10 @@ class ImpactOscillator:
 
 
 def the_oscillator(model: Any) -> ImpactOscillator:
-    """Return the one oscillator that a model is at its own values, or refuse a system.
+    """Return the oscillator of a model at its own values; raise if it is a system.
 
-    What is built on one mass and one stop alone needs it: that a stick erases all memory, so that two of them close a
-    cycle and all motions that stick are one attractor, and that velocity and phase of an impact are the whole state.
+    Some methods hold only for one mass and one stop: a rest erases all memory, so that two rests close a cycle and all
+    motions with rests are one attractor; velocity and phase of an impact are the whole state.
     """
     check_model(model)
     osc: ImpactOscillator = model.at()

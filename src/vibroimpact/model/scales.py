@@ -1,6 +1,7 @@
-"""The sizes to which changes of parameters are relative where the parameters themselves are 0.
+"""The sizes that relative changes of parameters refer to when the parameters themselves are 0.
 
-A size has the parameter's unit and is made of the design's other numbers. So a verdict does not depend on units.
+A size has the unit of the parameter and is computed from the design's other numbers, so that verdicts do not depend on
+units.
 """
 
 from __future__ import annotations
@@ -14,16 +15,17 @@ from vibroimpact.model import Model
 from vibroimpact.parameters import CRITICAL, Scale, critical_damping
 from vibroimpact.parameters import LIGHT as LIGHT
 
-WIDEST = 200  # powers of two between which the size of a family's parameter is sought
-LARGE = 0.5  # of a design's numbers: as far as one must change to show the size of a parameter
+WIDEST = 200  # powers of two between which the size of a family's parameter is searched for
+LARGE = 0.5  # relative change of one of a design's numbers at which the size of a parameter is found
 
 
 def scale_of(model: Model, name: str, value: float) -> Scale:
-    """Return the scale to which changes of a parameter from a value are relative.
+    """Return the scale that changes of a parameter from a value are relative to.
 
-    That is the value, or what is larger for a gap and for a number that is not positive: the static deflection (f/k of
-    one mass) of a gap, critical damping, k |g| of a force, 1 of a restitution, m w^2 of a stiffness. For a
-    family's parameter at 0 it is the change that makes one of the design's numbers another one of its size.
+    That is the value itself. For a gap, and for a number that is not positive, it is the larger of the value's modulus
+    and a size: the static deflection for a gap (f/k of one mass), critical damping, k |g| for a force, 1 for a
+    restitution, m w^2 for a stiffness. For a family's parameter at 0, the size is the change that changes one of the
+    design's numbers by that number's own size.
     """
     if is_own_scale(model, name, value):
         return Scale(value)
@@ -37,12 +39,12 @@ def scale_of(model: Model, name: str, value: float) -> Scale:
 
 
 def is_own_scale(model: Model, name: str, value: float) -> bool:
-    """Return whether a value is what its changes are relative to: not the gap of one mass, which may be 0 as well."""
+    """Return whether changes are relative to the value itself; not so for the gap of one mass, which may be 0."""
     return value > 0.0 and name not in getattr(model, "offsets", ())  # families have none
 
 
 def _unit(model: Model, name: str) -> Scale:
-    """Return one unit: nothing in the design has a size that could be compared, and motions are alike at any."""
+    """Return one unit, for designs in which nothing has a comparable size: their motions are alike at any size."""
     return Scale(1.0, f"1 {model.parameters[name].unit}".removesuffix(" 1"))
 
 
@@ -50,7 +52,7 @@ def _unit(model: Model, name: str) -> Scale:
 
 
 def _of_family(model: Model, name: str) -> Scale:
-    """Return the size of a family's parameter at 0: a power of two near it is found first, then what share that is."""
+    """Return the size of a family's parameter at 0: a power of two near it, divided by the change that this causes."""
     low, high, unit = -WIDEST, WIDEST, model.parameters[name].unit
     while high - low > 1:
         middle = (low + high) // 2
@@ -63,7 +65,7 @@ def _of_family(model: Model, name: str) -> Scale:
 
 
 def _relative_change(model: Model, name: str, value: float) -> float:
-    """Return the change of a design's numbers by a parameter, over their sizes; infinite where there is no design."""
+    """Return the largest change of a design's numbers by a parameter, over their sizes; infinite without a design."""
     numbers = _numbers(model.at())
     for signed in (value, -value):
         try:

@@ -1,4 +1,4 @@
-"""What acts on a system: a periodic force and stops, and how their numbers are checked."""
+"""The periodic force and the stops of a system, and the checks of their numbers."""
 
 from __future__ import annotations
 
@@ -29,31 +29,31 @@ from vibroimpact.parameters import (
     whole_number,
 )
 
-STOPS = 64  # at most: a set of them is the bits of a number
+STOPS = 64  # at most: a set of stops is the bits of a number
 
 
 def vector(name: str, value: Any, kind: type = np.float64) -> Any:
-    """Return a vector over the coordinates, read-only, or one over named points as a mapping."""
+    """Return a vector over the coordinates, read-only, or a mapping from names of points to numbers."""
     if type(value) is float or not isinstance(value, Mapping):
         return numbers(name, value, 1, kind)
     if not value:
-        raise invalid(name, value, "a list of numbers, or numbers by the names of points")
+        raise invalid(name, value, "a list of numbers, or a mapping from names of points to numbers")
     return MappingProxyType({key: numbers(f"{name}[{key!r}]", entry, 0, kind).item() for key, entry in value.items()})
 
 
 def check_length(name: str, value: Any, n: int) -> None:
-    """Refuse a vector that is not one over n coordinates."""
+    """Raise unless a vector has n numbers, one per coordinate."""
     if isinstance(value, np.ndarray) and len(value) == n:
         return
     wanted = f"{counted(n, 'number')}, one per coordinate"
     if isinstance(value, np.ndarray):
-        raise ValueError(f"`{name}` must have {wanted} of the mass matrix, got {len(value)}")
+        raise ValueError(f"`{name}` must have {wanted}, got {len(value)}")
     points = ", ".join(map(str, value))
-    raise ValueError(f"`{name}` names points ({points}), which only ImpactSystem.from_modes knows; give {wanted}")
+    raise ValueError(f"`{name}` refers to points ({points}), which only ImpactSystem.from_modes has; give {wanted}")
 
 
 def _by_order(name: str, amplitudes: Any) -> dict[int, Any]:
-    """Return the values given by the orders of harmonics, in their order."""
+    """Return the values by the order of the harmonic, ascending."""
     if amplitudes is None:
         return {}
     if type(amplitudes) is not dict and not isinstance(amplitudes, Mapping):
@@ -70,25 +70,25 @@ class Force(ByValue):
     Parameters
     ----------
     omega : float, > 0
-        Angular frequency in rad/s. It is also that of moving stops, and it sets the period T = 2 pi/omega whether
-        or not the first harmonic is there: an unforced system takes ``Force(omega=1.0)``.
+        Angular frequency in rad/s. It also applies to moving stops, and it sets the period T = 2 pi/omega even if the
+        first harmonic is missing. An unforced system needs a frequency too: ``Force(omega=1.0)``.
     frequency : float, > 0
-        Frequency in Hz, in place of `omega`.
+        Frequency in Hz, instead of `omega`.
     harmonics : mapping of int to sequence of n complex
         p_h in N by the order h >= 1: a real number is a sine, an imaginary one a cosine.
     constant : sequence of n float, optional
-        p_0 in N; zero unless given.
+        p_0 in N; zero by default.
 
     Raises
     ------
     ValueError
-        Neither or both of `omega` and `frequency` are given, a number is out of its range, an order is no whole
-        number from 1 on.
+        Neither or both of `omega` and `frequency` are given, a number is out of range, or an order is not a whole
+        number >= 1.
 
     Notes
     -----
-    For one coordinate, numbers stand for sequences. In `ImpactSystem.from_modes`, mappings from names of points to
-    forces at them stand for sequences.
+    For one coordinate, numbers may replace sequences. In `ImpactSystem.from_modes`, mappings from names of points to
+    forces replace them.
 
     Examples
     --------
@@ -113,7 +113,7 @@ class Force(ByValue):
         if (omega is None) == (frequency is None):
             raise ValueError(
                 f"give either `omega` (rad/s) or `frequency` (Hz), got {omega!r} and {frequency!r}; "
-                "an unforced system takes one, too: it sets the period"
+                "an unforced system needs one too, since it sets the period"
             )
         if frequency is not None:
             omega = radians(OF_ONE_MASS["frequency"].check(frequency))
@@ -121,7 +121,7 @@ class Force(ByValue):
             order: vector(f"harmonics[{order}]", value, np.complex128)
             for order, value in _by_order("harmonics", harmonics).items()
         }
-        vars(self).update(  # as the constructor of a frozen class must; families make thousands
+        vars(self).update(  # the constructor of a frozen class must do this; it is fast, since families make thousands
             omega=OF_ONE_MASS["omega"].check(omega),
             harmonics=MappingProxyType(vectors),
             constant=None if constant is None else vector("constant", constant),
@@ -138,30 +138,30 @@ class Force(ByValue):
 
     @property
     def vectors(self) -> dict[str, Any]:
-        """The vectors over coordinates or points, by their names."""
+        """The vectors over coordinates or points, by name."""
         vectors = {f"harmonics[{order}]": value for order, value in self.harmonics.items()}
         return vectors | ({} if self.constant is None else {"constant": self.constant})
 
 
 def check_force(force: Any) -> None:
-    """Refuse what is no load."""
+    """Raise unless this is a Force."""
     if not isinstance(force, Force):
-        raise invalid("force", force, "a Force", "write Force(omega=1.0) for none: it sets the period")
+        raise invalid("force", force, "a Force", "write Force(omega=1.0) for an unforced system: it sets the period")
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class Stop(ByValue):
-    r"""A stop, fixed or moving, in the way of a linear form of the coordinates: rigid or compliant.
+    r"""A rigid or compliant stop, fixed or moving, that limits a linear combination of the coordinates.
 
     .. math:: u = g + \sum_h \mathrm{Im}\left(d_h e^{i h \omega t}\right) - a \cdot q
 
-    A rigid one keeps u >= 0, and an impact turns its rate from -v to r v. One with a `stiffness` is compliant: it
+    A rigid stop keeps u >= 0, and an impact turns its rate from -v to r v. A stop with a `stiffness` is compliant: it
     pushes back along -a with
 
     .. math:: F = \max(0,\ k d + c \dot d), \qquad d = -u > 0,
 
-    from where u falls through zero until the force has fallen to zero. It never pulls: where c > 0 it separates before
-    u returns to zero, and exerts no force until contact is made again.
+    from the time when u falls below zero until the force has fallen to zero. It never pulls: if c > 0, it separates
+    before u returns to zero, and exerts no force until contact is made again.
 
     Parameters
     ----------
@@ -171,27 +171,27 @@ class Stop(ByValue):
     gap : float
         g in m; negative means preloaded.
     restitution : float, 0 to 1, or Law or function
-        r of a rigid stop, rate of the clearance after an impact over that before it; 0.8 unless given. A law of
-        `vibroimpact.contact`, or a Python function of the speed in m/s that numba can compile, returns it for each.
+        r of a rigid stop: the rate of the clearance after an impact over that before it; 0.8 by default. A law of
+        `vibroimpact.contact`, or a Python function of the speed in m/s that numba can compile, gives r at each speed.
     stiffness : float, > 0
-        k in N/m, of a compliant stop; None is rigid.
+        k in N/m of a compliant stop; None makes a rigid stop.
     damping : float, >= 0
-        c in N s/m, of a compliant stop; zero unless given.
+        c in N s/m of a compliant stop; zero by default.
     name : str, optional
-        A word that parameters begin with, as in ``bar_gap``; ``stop_1``, ``stop_2``, ... unless given.
+        The prefix of its parameters, as in ``bar_gap``; ``stop_1``, ``stop_2``, ... by default.
     motion : mapping of int to complex, optional
         d_h in m by the order h >= 1 of the force's frequency: a real number is a sine, an imaginary one a cosine.
-        A positive one moves the stop away along a.
+        A positive one moves the stop in the direction of a.
 
     Raises
     ------
     ValueError
-        The direction is zero, the name is no word, or a number is out of its range; a compliant stop has a
-        restitution, or a rigid one damping.
+        The direction is zero, the name is not a word, or a number is out of range; a compliant stop has a restitution,
+        or a rigid one has damping.
 
     Notes
     -----
-    With one coordinate the direction may be a number. In `ImpactSystem.from_modes` it may be a mapping from names of
+    With one coordinate, the direction may be a number. In `ImpactSystem.from_modes` it may be a mapping from names of
     points to factors of their displacements.
 
     Examples
@@ -212,7 +212,7 @@ class Stop(ByValue):
     damping: float | None
     name: str | None
     motion: Mapping[int, complex]
-    element: Element  # what contacts do, by its kind
+    element: Element  # the contact law and its numbers
 
     def __init__(
         self,
@@ -226,7 +226,7 @@ class Stop(ByValue):
         motion: Mapping[int, complex] | None = None,
     ) -> None:
         if name is not None and not (isinstance(name, str) and name.isidentifier() and not keyword.iskeyword(name)):
-            raise invalid("name", name, "a word of letters, digits and underscores", "write for example name='bar'")
+            raise invalid("name", name, "a word of letters, digits and underscores", "as in name='bar'")
         form = vector("direction", direction)
         entries = form.tolist() if isinstance(form, np.ndarray) else form.values()
         if not max(map(abs, entries)) >= SMALLEST:
@@ -259,35 +259,35 @@ class Stop(ByValue):
 
     @property
     def compliant(self) -> bool:
-        """Whether contacts last, with a force that has a value at any time."""
+        """Whether contacts last a finite time, with a finite force."""
         return not self.element.instantaneous
 
     @property
     def reach(self) -> float:
-        """How far from zero it comes, at most."""
+        """An upper bound of |a . q| in contact, in m."""
         return float(abs(self.gap) + sum(map(abs, self.motion.values())))
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """The numbers of it that are parameters of a system."""
+        """The names of its numbers that are parameters of a system."""
         return ("gap", *self.element.parameters)
 
     @property
     def law(self) -> Law | None:
-        """The law of restitution of a rigid stop; None where it is a number."""
+        """The law of restitution of a rigid stop; None if it is a number."""
         return self.element.law
 
     @property
     def ratio(self) -> float | None:
-        """The restitution of a rigid stop where it is the same at all speeds."""
+        """The restitution of a rigid stop if it is the same at all speeds."""
         return self.element.ratio
 
     def rebound(self, v: Any) -> Any:
-        """Return r at impacts of speeds v in m/s; -1, which changes nothing, of a compliant stop."""
+        """Return r of impacts at speeds v in m/s; for a compliant stop -1, which changes nothing."""
         return self.element.rebound(v)
 
     def shift(self, angle: Any) -> Any:
-        """Return the displacement away from what it stops, in m, at driving angles w t."""
+        """Return the displacement of the stop along its direction, in m, at driving angles w t."""
         turn = 1j * np.asarray(angle, np.float64)
         return sum((by * np.exp(order * turn)).imag for order, by in self.motion.items())
 
@@ -297,34 +297,34 @@ class Stop(ByValue):
         return sum((1j * order * omega * by * np.exp(order * turn)).imag for order, by in self.motion.items())
 
     def called(self, name: str) -> Stop:
-        """Return a copy of that name: families make stops by the thousands."""
+        """Return a copy with that name; fast, since families make thousands of stops."""
         renamed = object.__new__(Stop)
         vars(renamed).update(vars(self), name=name)
         return renamed
 
     def at(self, values: Mapping[str, float]) -> Stop:
-        """Return the stop with those of its numbers that are among values of the parameters of its system."""
+        """Return the stop with new numbers, taken from values of its system's parameters."""
         changes = {kind: values[name] for kind in self.kinds if (name := f"{self.name}_{kind}") in values}
         return self.replace(**changes) if changes else self
 
     def replace(self, **changes: Any) -> Stop:
-        """Return a copy with some arguments changed; another kind of stop takes all that it needs."""
+        """Return a copy with some arguments changed; to change the kind, give all arguments of the new one."""
         return Stop(**{**self.arguments(), **changes})
 
 
 def several_stops(stops: Any) -> tuple[Stop, ...]:
-    """Return a list of stops that is checked, as a tuple."""
+    """Return a list of stops as a tuple, after checking it."""
     checked = several("stops", stops, "a list of Stops")
     for at, stop in enumerate(checked):
         if not isinstance(stop, Stop):
             raise invalid(f"stops[{at}]", stop, "a Stop", "write Stop(direction=[...], gap=...)")
     if len(checked) > STOPS:
-        raise ValueError(f"`stops` must be at most {STOPS}, got {len(checked)}")
+        raise ValueError(f"`stops` must have at most {STOPS} entries, got {len(checked)}")
     return checked
 
 
 def named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
-    """Return stops whose directions fit, those without a name called by their place."""
+    """Return stops with names, after checking their directions; those without a name are named by position."""
     named = tuple(stop if stop.name else stop.called(f"stop_{at}") for at, stop in enumerate(several_stops(stops), 1))
     names = [stop.name for stop in named]
     for at, (stop, name) in enumerate(zip(named, map(str, names), strict=True)):
@@ -333,15 +333,15 @@ def named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
         reserved = name in ("omega", "frequency") or (other in names and kind in NUMBERS)
         if reserved or names.count(name) > 1:
             owner = "a parameter" if reserved else "another stop"
-            raise ValueError(f"`stops[{at}].name` {name!r} is that of {owner}; give each stop a name of its own")
+            raise ValueError(f"`stops[{at}].name` {name!r} is also the name of {owner}; give each stop its own name")
     return named
 
 
 def check_room(stops: Sequence[Stop], mass: Any) -> None:
-    """Refuse stops whose clearances cannot all be positive or zero at any time."""
+    """Raise if there is no time at which all clearances can be >= 0."""
     bars = [stop for stop in stops if stop.element.impenetrable]
     if all(stop.gap >= 0.0 for stop in bars):
-        return  # q = 0 is before all of them where they are farthest
+        return  # then q = 0 is in front of all stops when they are farthest away
     for one, other in combinations(bars, 2):
         ratio = np.abs(one.direction).max() / np.abs(other.direction).max()
         if (np.abs(one.direction + ratio * other.direction) > 1e-12 * np.abs(one.direction)).any():
@@ -352,12 +352,12 @@ def check_room(stops: Sequence[Stop], mass: Any) -> None:
         if room < -ROUNDING * (one.reach + ratio * other.reach):
             raise ValueError(
                 f"`stops` {one.name!r} and {other.name!r} overlap by {-room:.6g} m: they face each other, and no "
-                "position is before both; their gaps must have a sum >= 0"
+                "position is in front of both; the sum of their gaps must be >= 0"
             )
     most_open = np.array([stop.gap + sum(map(abs, stop.motion.values())) for stop in bars])
     if nearest(mass, np.array([stop.direction for stop in bars]).reshape(-1, len(mass)), most_open) is None:
         names = ", ".join(str(stop.name) for stop in stops)
-        raise ValueError(f"`stops` {names} overlap: no position is before all of them")
+        raise ValueError(f"`stops` {names} overlap: no position is in front of all of them")
 
 
 def warn_of_short_contacts(stops: Sequence[Stop], mass: NDArray[np.float64], period: float) -> None:
@@ -370,7 +370,7 @@ def warn_of_short_contacts(stops: Sequence[Stop], mass: NDArray[np.float64], per
 
 
 def names_of_points(points: Any, count: int) -> tuple[str, ...]:
-    """Return the names of the rows of a table of modes; None calls them by their places."""
+    """Return the names of the rows of a table of modes; None names them by position."""
     if points is None:
         return tuple(f"point_{at}" for at in range(1, count + 1))
     allowed = f"{count} different names, one per row of `shapes`"
@@ -381,7 +381,7 @@ def names_of_points(points: Any, count: int) -> tuple[str, ...]:
 
 
 def over_modes(name: str, value: Any, points: Sequence[str], shapes: NDArray[np.float64]) -> NDArray[Any]:
-    """Return the vector over modes that one over points is, by the rows of their mode shapes."""
+    """Return the vector over modes that corresponds to a vector over points, by the rows of their mode shapes."""
     if isinstance(value, Mapping):
         for point in value:
             if point not in points:

@@ -1,4 +1,4 @@
-"""Systems of several coordinates, any periodic force and several stops."""
+"""Systems of several coordinates with any periodic force and several stops."""
 
 from __future__ import annotations
 
@@ -35,39 +35,38 @@ from vibroimpact.parameters import OF_ONE_MASS, Parameter, Scale, check_one, cou
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class ImpactSystem(ByValue):
-    r"""A linear system of n coordinates under a periodic force, in front of stops.
+    r"""A linear system of n coordinates under a periodic force, with stops.
 
     .. math:: M \ddot q + C \dot q + K q = p_0 + \sum_h \mathrm{Im}\left(p_h e^{i h \omega t}\right), \qquad
               u_j = g_j + \sum_h \mathrm{Im}\left(d_{jh} e^{i h \omega t}\right) - a_j \cdot q
 
     A rigid stop keeps u_j >= 0: at an impact the rate of its clearance turns from -v to r_j v, and q' changes along
-    M^-1 a_j. One with a stiffness pushes while u_j < 0, as `Stop` says.
+    M^-1 a_j. A compliant stop pushes while u_j < 0; see `Stop`.
 
     Parameters
     ----------
     mass : (n, n) array_like
-        M in kg, symmetric and positive definite; a number for one coordinate, as the other matrices. n is at most 128.
+        M in kg, symmetric and positive definite; n is at most 128. With one coordinate, matrices may be numbers.
     damping : (n, n) array_like
-        C in N s/m, zero unless given; its symmetric part is positive semidefinite, the skew one (gyroscopic) is free.
+        C in N s/m, zero by default; its symmetric part is positive semidefinite, its skew part is arbitrary.
     stiffness : (n, n) array_like
-        K in N/m, symmetric and positive semidefinite: it may be singular, and 0 makes free masses.
+        K in N/m, symmetric and positive semidefinite; it may be singular, and 0 means free masses.
     force : Force
         The load, with the frequency that sets the period.
     stops : sequence of Stop
-        At most five; a stop without a name is called by its place, ``stop_1`` first.
+        At most five; a stop without a name is named by its position, ``stop_1`` first.
 
     Raises
     ------
     ValueError
-        A matrix has another shape, is not symmetric or not definite as it must be; a vector has another length; two
-        stops have one name; the stops leave no room. The message names the matrix and its entry.
+        A matrix has the wrong shape, or is not symmetric or definite as required; a vector has the wrong length; two
+        stops have the same name; the stops leave no room. The message names the matrix and its entry.
 
     Notes
     -----
-    Symmetry is asked for to 1e-12 of the entries; what is left of rounding is averaged away. Systems are equal if
-    all their numbers are. Their parameters (`parameters`, `values`, `replace`) are `omega` or `frequency`, and
-    `<stop>_gap` and `<stop>_restitution`, or `<stop>_stiffness` and `<stop>_damping`, of every stop;
-    `vibroimpact.family` is the way to others.
+    Matrices must be symmetric to 1e-12 of their entries; the rest is averaged away. Systems are equal if all their
+    numbers are. The parameters (`parameters`, `values`, `replace`) are `omega` or `frequency`, and for every stop
+    `<stop>_gap` and `<stop>_restitution`, or `<stop>_stiffness` and `<stop>_damping`; a `family` has others.
 
     Examples
     --------
@@ -88,12 +87,12 @@ class ImpactSystem(ByValue):
     [7.071, 14.142]
     """
 
-    kind: ClassVar[str] = "system"  # as files name it
+    kind: ClassVar[str] = "system"  # the name in files
     at_rest: ClassVar[str] = "rest at q = 0, or before the stops in its way"
     says_all: ClassVar[bool] = False  # its parameters are not all its numbers
-    forgets: ClassVar[bool] = False  # beside an impact, or a rest at a stop, other things move on
-    step_cost: ClassVar[int] = 4  # of a certified step, in those of one mass
-    offsets: ClassVar[tuple[str, ...]] = ()  # parameters whose zero is a value like any other
+    forgets: ClassVar[bool] = False  # the impact or rest at one stop is not the whole state
+    step_cost: ClassVar[int] = 4  # cost of a certified step, in steps of one mass
+    offsets: ClassVar[tuple[str, ...]] = ()  # parameters that may be zero like any other value
 
     mass: Floats
     damping: Floats
@@ -123,7 +122,7 @@ class ImpactSystem(ByValue):
         stops: Iterable[Stop] = (),
         points: Sequence[str] | None = None,
     ) -> ImpactSystem:
-        r"""Return the system of measured or computed modes, with its coordinates the modal ones.
+        r"""Return the system of measured or computed modes; its coordinates are modal.
 
         .. math:: \ddot\eta_i + 2 \zeta_i \omega_i \dot\eta_i + \omega_i^2 \eta_i = \phi_i \cdot p, \qquad
                   q_{point} = \sum_i \phi_{point,i} \eta_i
@@ -133,15 +132,15 @@ class ImpactSystem(ByValue):
         frequencies : sequence of n float
             Natural frequencies in Hz; 0 is a rigid-body mode.
         damping_ratios : sequence of n float, or float
-            Damping over critical damping, 0.01 for 1 %; a number is that of all modes.
+            Damping over critical damping, 0.01 for 1 %; a single number applies to all modes.
         shapes : (points, n) array_like
-            Mass-normalised mode shapes, in 1/sqrt(kg): a row per point, a column per mode.
+            Mass-normalised mode shapes in 1/sqrt(kg): one row per point, one column per mode.
         force : Force
             Forces in N at the points: sequences over all points, or mappings such as ``{"tip": 5.0}``.
         stops : sequence of Stop
-            Directions over the points in the same way; ``{"tip": 1.0, "frame": -1.0}`` keeps the tip from the frame.
+            Directions over the points in the same form; ``{"tip": 1.0, "frame": -1.0}`` stops tip against frame.
         points : sequence of str, optional
-            Names of the points; ``point_1``, ``point_2``, ... unless given.
+            Names of the points; ``point_1``, ``point_2``, ... by default.
 
         Returns
         -------
@@ -151,17 +150,18 @@ class ImpactSystem(ByValue):
         Raises
         ------
         ValueError
-            The table's lengths differ, a number is out of its range, a point is unknown.
+            The table's lengths differ, a number is out of range, or a point is unknown.
 
         Notes
         -----
-        Shapes that are normalised in another way are divided by the square roots of their modal masses first.
-        With rigid stops results do not converge as modes are added: the struck mass 1/(a . M^-1 a) falls with each.
-        A row of `shapes` may hold participation factors, -sum(m phi), of a base: its force is the acceleration.
+        Divide shapes of another normalisation by the square roots of their modal masses first. With rigid stops,
+        results do not converge as modes are added: the struck mass 1/(a . M^-1 a) decreases with each mode. For a
+        moving base, a row of `shapes` may hold the participation factors -sum(m phi): the force at that point is then
+        the base's acceleration.
 
         Examples
         --------
-        A beam's first two modes as a modal test gives them, shaken at mid-span, in front of a stop at its tip:
+        The first two modes of a beam from a modal test, driven at mid-span, with a stop at the tip:
 
         >>> beam = ImpactSystem.from_modes(
         ...     frequencies=[12.0, 75.2],
@@ -205,12 +205,12 @@ class ImpactSystem(ByValue):
 
     @property
     def coordinates(self) -> int:
-        """How many coordinates it has."""
+        """The number of coordinates."""
         return len(self.mass)
 
     @property
     def stop_names(self) -> tuple[str, ...]:
-        """Names of the stops."""
+        """The names of the stops."""
         return tuple(str(stop.name) for stop in self.stops)
 
     @cached_property
@@ -226,12 +226,12 @@ class ImpactSystem(ByValue):
 
     @property
     def values(self) -> dict[str, float]:
-        """Their values, of the frequency in rad/s."""
+        """Their values; the frequency is in rad/s."""
         of_stops = {f"{stop.name}_{kind}": getattr(stop, kind) for stop in self.stops for kind in stop.kinds}
         return {"omega": self.omega, **of_stops}
 
     def replace(self, **changes: float) -> ImpactSystem:
-        """Return a copy with some parameters changed; `frequency` (Hz) may stand for `omega`."""
+        """Return a copy with some parameters changed; `frequency` (Hz) may replace `omega`."""
         check_names(self.parameters, changes)
         check_one("omega", changes.get("omega"), "frequency", changes.get("frequency"))
         checked = {name: self.parameters[name].check(value) for name, value in changes.items()}
@@ -241,7 +241,7 @@ class ImpactSystem(ByValue):
         if omega != self.omega:
             force = Force(**{**force.arguments(), "omega": omega})
         stops = tuple(stop.at(checked) for stop in self.stops)
-        changed = object.__new__(ImpactSystem)  # of matrices that are checked
+        changed = object.__new__(ImpactSystem)  # the matrices are checked already
         vars(changed).update(self.arguments() | {"force": force, "stops": stops})
         if any(stop is not before for stop, before in zip(stops, self.stops, strict=True)):
             check_room(stops, self.mass)
@@ -250,21 +250,21 @@ class ImpactSystem(ByValue):
         return changed
 
     def at(self, **values: float) -> ImpactSystem:
-        """Return the system with some parameters changed: what a model is at one point of its axes."""
+        """Return the system with some parameters changed: the design at one point of the axes."""
         return self.replace(**values) if values else self
 
     def cells(self, points: Mapping[str, Any], start: State | None = None) -> SystemCells:
-        """Return one cell per point, all from the same start; None is at rest as `initial` has it."""
+        """Return one cell per point, all with the same initial condition; for None, see `initial`."""
         return SystemCells.of_points(self, points).begun(start)
 
     @staticmethod
     def cells_of(designs: Iterable[ImpactSystem]) -> SystemCells:
-        """Return one cell per design, all at rest and with as many coordinates and stops."""
+        """Return one cell per design, all at rest; designs must have the same numbers of coordinates and stops."""
         return SystemCells.of_systems(designs)
 
     @property
     def rest(self) -> State:
-        """The state at rest that motions start from unless another one is given."""
+        """The default initial condition: at rest."""
         return State(*self.initial())
 
     @property
@@ -279,7 +279,7 @@ class ImpactSystem(ByValue):
 
     @property
     def period(self) -> float:
-        """Driving period T = 2 pi / w in s, also where the first harmonic is missing."""
+        """Driving period T = 2 pi / w in s, even if the first harmonic is missing."""
         return 2.0 * math.pi / self.omega
 
     @property
@@ -289,13 +289,13 @@ class ImpactSystem(ByValue):
 
     @property
     def slowest_frequency(self) -> float:
-        """The slowest natural angular frequency in rad/s; where all masses are free, that of driving."""
+        """The slowest natural angular frequency in rad/s; if all masses are free, the driving frequency."""
         sprung = self.natural_frequencies[self.natural_frequencies > FREE * self.omega]
         return float(sprung[0]) if sprung.size else self.omega
 
     @property
     def steady_amplitude(self) -> float:
-        """Amplitude in m of the steady sine that its only stop sees without it; NaN where it is no sine, or of more."""
+        """Amplitude in m of the steady a . q without the stop; NaN if it is not a sine, or unless there is one stop."""
         form = self.modal()
         if len(self.stops) != 1 or form.orders.tolist() != [1] or form.constant.any() or form.motions.any():
             return math.nan
@@ -318,20 +318,20 @@ class ImpactSystem(ByValue):
         The largest over the stops j of
 
         - a_j . M^-1 a_j under a root, times the sum over the harmonics of the norm of p_h / Omega in the mass metric,
-          with the free parts of p_0 as one more, of modes that the stops see at all;
+          over modes that interact with the stops; the part of p_0 on free modes is one more term;
         - the speed of a moving stop, sum of h w \|d_jh\|;
         - the clearance in static equilibrium times sqrt(a_j . M^-1 a_j / a_j . K^-1 a_j), if the stop sees no free
           mode.
 
-        Modes slower than 0.01 w count as free, and w (h w in a harmonic) stands for their Omega. Where all three are
-        zero (no load, nothing moves) it is w times the largest gap; without a stop or even a gap motions are alike
-        at every speed, and 1 stands for V. It does not change with the coordinates, and for one mass it is that of
-        `ImpactOscillator`, max(f, k |g|)/sqrt(k m).
+        Modes slower than 0.01 w count as free, and w (h w in a harmonic) replaces their Omega. If all three are zero
+        (no load, nothing moves), V is w times the largest gap; without stops or gaps, motions are alike at every speed,
+        and V is 1. V does not change with the choice of coordinates, and for one mass it is that of `ImpactOscillator`,
+        max(f, k |g|)/sqrt(k m).
         """
         return velocity_scale(self.modal())
 
     def scales(self) -> dict[str, Scale]:
-        """Return the sizes of the numbers of its stops by name, with the mass 1/(a . M^-1 a) that each stop strikes."""
+        """Return the sizes of the stops' numbers by name; the mass that hits a stop is 1/(a . M^-1 a)."""
         form = self.modal()
         scales: dict[str, Scale] = {}
         widest = max((abs(stop.gap) for stop in self.stops), default=0.0)
@@ -348,22 +348,23 @@ class ImpactSystem(ByValue):
         return clearances
 
     def initial(self, start: State | None = None, argument: str = "start") -> tuple[Floats, Floats, float]:
-        """Return coordinates, velocities and time of an initial condition that is checked, given as `argument`.
+        """Return coordinates, velocities and time of an initial condition after checking it.
 
-        None is at rest at time 0, at q = 0 or, where that is beyond a rigid stop, at the nearest q before all of those,
-        in the norm sqrt(q . M q). A compliant stop may be pushed in.
+        `argument` is its name in messages. None means at rest at time 0, at q = 0 or, if that is beyond a rigid stop,
+        at the nearest q in front of all of them, in the norm sqrt(q . M q). The initial condition may lie beyond
+        compliant stops.
 
         Raises
         ------
         ValueError
-            It has other than n coordinates, or lies beyond rigid stops by more than rounding; they are named.
+            It does not have n coordinates, or lies beyond rigid stops by more than rounding; the message names them.
         """
         n = len(self.mass)
         if start is None:
             bars = self._bars
             q = nearest(self.mass, self._directions[bars], self._bounds(0.0)[bars])
             if q is None:
-                raise ValueError("the stops leave no room at time 0; give a start at another time")
+                raise ValueError("the stops leave no room at time 0; give an initial condition at another time")
             return q, np.zeros(n), 0.0
         if not isinstance(start, State):
             raise invalid(argument, start, "None or a State", "write State(displacement=[...], velocity=[...])")
@@ -380,7 +381,7 @@ class ImpactSystem(ByValue):
         ]
         if violations:
             where = " and ".join(violations)
-            raise ValueError(f"`{argument}` lies beyond {where} at time {start.time:g}; start before the stops")
+            raise ValueError(f"`{argument}` lies beyond {where} at time {start.time:g}; start in front of them")
         return q, speed, start.time
 
     @cached_property
@@ -393,6 +394,6 @@ class ImpactSystem(ByValue):
         return np.array([stop.element.impenetrable for stop in self.stops], bool)
 
     def _bounds(self, time: float) -> Floats:
-        """Return a . q in contact, for every stop at some time."""
+        """Return a . q at contact for every stop at a given time."""
         bounds: Floats = np.array([stop.gap + stop.shift(self.omega * time) for stop in self.stops], np.float64)
         return bounds

@@ -1,4 +1,4 @@
-"""Systems with their starts, as the one table that the engine of systems reads."""
+"""Cells of systems: designs with their initial conditions, as the one table that the engine of systems reads."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.cells import BEYOND, COUNTABLE, Cells, Floats, spread
+from vibroimpact.cells import BEYOND, COUNTABLE, NOWHERE, Cells, Floats, spread
 from vibroimpact.matrices import nearest
 from vibroimpact.model.elements import BLOCKS, bars
 from vibroimpact.model.modal import ModalForm, fastest_rates, speed_parts, steady_motions, velocity_scales
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Shape:
-    """What all systems of one table share: their numbers of modes, stops and harmonics.
+    """Properties that all systems of one table share: their numbers of modes, stops and harmonics.
 
-    `coupled`: damping is not proportional in one of them; `moving`: a stop is; `compliant`, `rigid`: one is not
-    impenetrable, or is.
+    `coupled`: at least one has non-proportional damping; `moving`: at least one stop moves; `compliant`, `rigid`: at
+    least one stop is compliant, or rigid.
     """
 
     modes: int
@@ -40,7 +40,7 @@ class Shape:
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Numbers of a cell by their names; a harmonic has two, real and imaginary part."""
+        """The size of each block of a row by name; a harmonic has two numbers, its real and imaginary parts."""
         n, s, m = self.modes, self.stops, self.harmonics
         return {
             "eta": n, "rate": n, "turn": 3, "square": n, "damping": n * n, "load": n, "force": 2 * m * n,
@@ -53,22 +53,22 @@ class Shape:
 
 @dataclass(frozen=True)
 class SystemCells(Cells):
-    """One cell per row: the modal form of a system, its scale of velocities and its start, all in SI units.
+    """One cell per row: the modal form of a system, its velocity scale and its initial condition, all in SI units.
 
-    `cells[name]` is a column; of several numbers, such as ``cells.block("shapes")``, a block.
+    `cells[name]` is a column; ``cells.block("shapes")`` is a block of several columns.
     """
 
-    # The first impact kept stands for the closest near-miss: on which stop (-1: not known), when and how hard.
+    # In place of the closest near-miss: stop (-1: not known), phase and velocity of the first impact kept.
     parting = "first_stop", "first_phase", "first_velocity"
 
     shape: Shape
 
     @classmethod
     def of_systems(cls, systems: Iterable[ImpactSystem]) -> SystemCells:
-        """Return a cell for each system, at rest, all with as many coordinates and stops.
+        """Return one cell per system, at rest; all must have the same numbers of coordinates and stops.
 
-        What does not depend on the numbers of stops is computed once for all systems that share it; only the first of
-        these is kept, and those that stops may push from q = 0.
+        Quantities that do not depend on the numbers of stops are computed once for all systems that share them; only
+        the first of these systems is kept, and those in which a stop may be in the way of q = 0.
         """
         groups: dict[Any, int] = {}
         bases, which, numbers, pushed = [], [], [], {}
@@ -82,17 +82,17 @@ class SystemCells(Cells):
             if any((stop.gap < 0.0 or stop.motion) and stop.element.impenetrable for stop in system.stops):
                 pushed[row] = system
         if len({(len(base.mass), len(base.stops)) for base in bases}) > 1:
-            raise ValueError("all systems of one family must have as many coordinates and stops; these have others")
+            raise ValueError("all systems of one family must have equal numbers of coordinates and stops; these differ")
         table = np.array(numbers).reshape(len(which), -1, len(BLOCKS))
         forms = [(form, np.array([form.omega])) for form in (base.modal() for base in bases)]
         return cls._of_forms(forms, np.array(which), table, pushed.__getitem__)
 
     @classmethod
     def of_points(cls, system: ImpactSystem, points: Mapping[str, Any]) -> SystemCells:
-        """Return a cell for each point of a system's own parameters, at rest.
+        """Return one cell per point of a system's own parameters, at rest.
 
-        What depends on the frequency is computed once for each of its values, and at once for all; the numbers of stops
-        are columns.
+        Quantities that depend on the frequency are computed once for each of its values, all together; the numbers of
+        stops are columns.
         """
         number = len(np.atleast_1d(next(iter(points.values()), 0.0)))
         omegas = points.get("omega", radians(points["frequency"]) if "frequency" in points else None)
@@ -118,9 +118,9 @@ class SystemCells(Cells):
         numbers: Floats,
         system_of: Callable[[int], ImpactSystem],
     ) -> SystemCells:
-        """Return a cell, at rest, for each row of the numbers of stops, on the form and frequency of that number.
+        """Return one cell, at rest, per row of the numbers of stops; `which` is the form and frequency of each row.
 
-        `system_of` is the system of a row; it is asked for where stops are in the way of q = 0.
+        `system_of` returns the system of a row; it is called if stops are in the way of q = 0.
         """
         highest = max(int(form.orders.max(initial=0)) for form, _ in forms)
         coupled, moving = any(not form.decoupled for form, _ in forms), any(form.motions.any() for form, _ in forms)
@@ -152,7 +152,7 @@ class SystemCells(Cells):
 
     @property
     def places(self) -> Mapping[str, slice]:
-        """Where each block of numbers stands in a row."""
+        """The columns of each block of a row."""
         return _places(self.shape)
 
     def block(self, name: str) -> Floats:
@@ -167,43 +167,43 @@ class SystemCells(Cells):
 
     @property
     def coordinates(self) -> int:
-        """How many coordinates each cell has, a free centre not counted."""
+        """The number of coordinates of each cell, not counting a free centre."""
         return int(np.count_nonzero(self._felt))
 
     @property
     def _felt(self) -> NDArray[np.bool_]:
-        """Which modes have a drift that a stop or a spring feels, in any of the cells."""
+        """The modes whose drift a stop or a spring resists, in any of the cells."""
         felt: NDArray[np.bool_] = (self.block("neutral")[:, self.shape.modes :] == 0.0).any(axis=0)
         return felt
 
     @property
     def phases(self) -> Floats:
-        """The phases at which cells start, in [0, 1)."""
+        """The phases of the initial conditions, in [0, 1)."""
         return self.block("time")[:, 1]
 
     @property
     def fastest_rate(self) -> Floats:
-        """The largest rate in 1/s of free motion or of a harmonic: steps are as short as it asks."""
+        """The largest rate in 1/s of free motion or of a harmonic; it limits the step size."""
         return self.block("fastest")[:, 0]
 
     @property
     def slowest_rate(self) -> Floats:
-        """The driving rate or the slowest natural one that is not zero, whichever is slower."""
+        """The driving rate or the slowest nonzero natural rate, whichever is slower."""
         squares = np.where(self.block("square") > 0.0, self.block("square"), np.inf)
         slowest: Floats = np.minimum(self["omega"], np.sqrt(squares.min(axis=1)))
         return slowest
 
     @property
     def shapes(self) -> Floats:
-        """Of every cell the matrix that makes coordinates of modes."""
+        """The matrix of each cell that converts modes to coordinates."""
         return self.block("shapes").reshape(-1, self.shape.modes, self.shape.modes)
 
     def struck(self, numbers: Any) -> SystemCells:
-        """Return the cells, each from a numbered impact of those spread over its stops, phases and velocities.
+        """Return the cells, each starting with one of the numbered impacts on its stops, at some phase and velocity.
 
-        Number j strikes stop j modulo their number; `striking` puts the resting system there. The velocities of several
-        coordinates are spread besides, each mode's to as much energy as V takes at the stop, but for a centre whose
-        drift nothing feels. Without stops none is.
+        Impact j hits stop j modulo the number of stops; `striking` moves the system there from rest. With several
+        coordinates the other velocities are spread too: in each mode up to the energy that V has at the stop, except
+        for a centre whose drift nothing resists. Without stops the cells are returned unchanged.
         """
         felt, n, s = self._felt, self.coordinates, self.shape.stops
         if not s:
@@ -219,10 +219,10 @@ class SystemCells(Cells):
         return cells.striking(which, self["scale"] * velocity, phase)
 
     def striking(self, stops: Any, velocities: Any, phases: Any) -> SystemCells:
-        """Return the cells with given stops struck at velocities and phases, their state changed as little as can be.
+        """Return the cells starting with hits of these stops at velocities and phases, with the least change of state.
 
-        It moves along M^-1 a until the clearance is zero and closes at that velocity: nearest in the mass metric. From
-        beyond other stops the nearest displacement before all of them is taken.
+        The state moves along M^-1 a until the clearance is zero and closes at that velocity, which is the nearest state
+        in the mass metric. If it lies beyond other stops, the nearest displacement in front of all of them is taken.
         """
         alpha, jump, mobility = self._at_stops(stops)
         times, rows = _times(np.asarray(phases, np.float64)), np.arange(len(self))
@@ -233,16 +233,16 @@ class SystemCells(Cells):
         return self._with(moved | times)._before_stops()
 
     def _at_stops(self, stops: Any) -> tuple[Floats, Floats, Floats]:
-        """Return alpha, alpha over the modal masses and their product, of one stop of each cell."""
+        """Return alpha, alpha over the modal masses, and their product, for one stop of each cell."""
         alpha, jump = (self._by_stop(name)[np.arange(len(self)), stops] for name in ("alpha", "jump"))
         return alpha, jump, (alpha * jump).sum(axis=1)
 
     def _by_stop(self, name: str) -> Floats:
-        """Return a block of a number for each stop and mode, of every cell."""
+        """Return a block with one number per stop and mode, for every cell."""
         return self.block(name).reshape(len(self), self.shape.stops, self.shape.modes)
 
     def _before_stops(self) -> SystemCells:
-        """Return the cells, those beyond a rigid stop moved to the nearest displacement before all of these."""
+        """Return the cells; those beyond a rigid stop are moved to the nearest point in front of all rigid ones."""
         table, alpha, rigid = self.table.copy(), self._by_stop("alpha"), self.bars
         clearances = self._clearances(self.block("turn"), self.block("eta"))
         for row in np.flatnonzero(self.beyond().any(axis=1)).tolist():
@@ -252,13 +252,13 @@ class SystemCells(Cells):
         return SystemCells(table, self.columns, self.shape)
 
     def begun(self, start: State | None) -> SystemCells:
-        """Return the cells from an initial condition; None leaves them as they are.
+        """Return the cells started from an initial condition; None leaves them as they are.
 
         Raises
         ------
         ValueError
-            It has other than n coordinates, lies beyond a stop of one of the cells, or so many periods from time 0 that
-            they cannot be counted.
+            The initial condition does not have n coordinates, lies beyond a stop of a cell, or is 2^53 driving periods
+            or more from time 0.
         """
         if start is None:
             return self
@@ -274,12 +274,12 @@ class SystemCells(Cells):
             cell, stop = np.argwhere(over)[0].tolist()
             raise ValueError(
                 f"`start` lies beyond stop {stop + 1} by {over[cell, stop]:.3g} m at time {start.time:g}; "
-                "start before the stops"
+                "start in front of it"
             )
         return cells
 
     def at(self, displacement: Any, velocity: Any, turns: Any) -> SystemCells:
-        """Return the cells from coordinates and velocities, a row each or one for all, at times in driving periods."""
+        """Return the cells started from coordinates and velocities, a row each or one for all, at times in periods."""
         columns = (np.broadcast_to(part, (len(self), self.shape.modes)) for part in (displacement, velocity))
         eta, rate = (np.linalg.solve(self.shapes, column[..., None])[..., 0] for column in columns)
         return self._with({"eta": eta, "rate": rate} | _times(turns))
@@ -292,20 +292,22 @@ class SystemCells(Cells):
         return SystemCells(table, self.columns, self.shape)
 
     def carried(self, displacement: Any, velocity: Any, phases: Any) -> SystemCells:
-        """Return the cells from states, a row each, at phases; beyond rigid stops, from the nearest one before them.
+        """Return the cells started from states, one row each, at phases.
 
-        The distance is sqrt(q . M q); a cell whose stops leave no room at that phase stays at rest.
+        States beyond rigid stops are moved to the nearest one in front of them, in the norm sqrt(q . M q); a cell whose
+        stops leave no room at that phase keeps its own initial condition.
         """
         moved = self.at(displacement, velocity, np.atleast_1d(phases))._before_stops()
         no_room = moved.beyond().any(axis=1, keepdims=True)
         return SystemCells(np.where(no_room, self.table, moved.table), self.columns, self.shape)
 
     def beyond(self) -> Floats:
-        """Return the depth in m of each start beyond each rigid stop; 0 before it, and where that is rounding."""
+        """Return the depth in m of each initial condition beyond each rigid stop; 0 if it is within rounding."""
         eta = self.block("eta")
         size = np.abs(self.block("gap")) + (np.abs(self._by_stop("alpha")) @ np.abs(eta)[..., None])[..., 0]
+        rounding = BEYOND * size + NOWHERE * (self["scale"] / self.fastest_rate)[:, None]
         depth = -self._clearances(self.block("turn"), eta)
-        return np.where((depth > BEYOND * size) & self.bars, depth, 0.0)
+        return np.where((depth > rounding) & self.bars, depth, 0.0)
 
     @property
     def bars(self) -> Any:
@@ -320,14 +322,14 @@ class SystemCells(Cells):
         return clearances
 
     def _moving(self, turn: Floats) -> Floats:
-        """Return the velocities of all stops, away from what strikes them, at (sin wt, cos wt)."""
+        """Return the velocities of all stops, along their directions, at (sin wt, cos wt)."""
         waves, motion = self._waves(turn)
         rates = self["omega"][:, None] * np.arange(1, self.shape.harmonics + 1)
         velocities: Floats = (rates[:, None] * (motion[..., 0] * waves.real - motion[..., 1] * waves.imag)).sum(axis=-1)
         return velocities
 
     def _waves(self, turn: Floats) -> tuple[Any, Floats]:
-        """Return exp(i h w t) of all orders, and what each stop's motion is of them."""
+        """Return exp(i h w t) of all orders, and the harmonics of each stop's motion."""
         wave = (turn[..., 1] + 1j * turn[..., 0]) if turn.ndim > 1 else np.ones(len(self), complex)
         powers = wave[:, None] ** np.arange(1, self.shape.harmonics + 1)
         return powers[:, None, :], self.block("motion").reshape(len(self), self.shape.stops, self.shape.harmonics, 2)
@@ -337,7 +339,7 @@ class SystemCells(Cells):
 
 
 def _times(turns: Floats) -> dict[str, Floats]:
-    """Return the blocks of times in driving periods."""
+    """Return the blocks of times, given in driving periods."""
     whole = np.floor(turns)
     angle = radians(turns - whole)
     turn = np.column_stack([np.sin(angle), np.cos(angle), whole])
@@ -355,13 +357,13 @@ def _columns(shape: Shape) -> tuple[str, ...]:
 
 
 def _numbers(stop: Any) -> tuple[float, ...]:
-    """Return the numbers of a stop as `BLOCKS` has them."""
+    """Return the numbers of a stop in the order of `BLOCKS`."""
     row = {"gap": stop.gap} | stop.element.row()
     return tuple(row.get(name, block.none) for name, block in BLOCKS.items())
 
 
 def _fixed(system: ImpactSystem) -> tuple[Any, ...]:
-    """Return the key of all but the numbers of its stops."""
+    """Return a key of all numbers of a system except those of its stops."""
     force = system.force
     load = [(order, part.tobytes()) for order, part in force.harmonics.items()]
     stops = [(stop.direction.tobytes(), *stop.motion.items()) for stop in system.stops]
@@ -370,8 +372,9 @@ def _fixed(system: ImpactSystem) -> tuple[Any, ...]:
 
 
 def _rows(form: ModalForm, omegas: Floats, shape: Shape) -> tuple[Floats, ...]:
-    """Return a row for each frequency, without what depends on the numbers of stops; what steady motion takes of the
-    gaps; and what V depends on beside these.
+    """Return one row per frequency, without what depends on the numbers of stops.
+
+    The rows are followed by the steady motion's parts of the gaps, and by the parts of V (`speed_parts`).
     """
     n, s, highest = shape.modes, shape.stops, shape.harmonics
     forces, motions = np.zeros((n, highest), complex), np.zeros((s, highest), complex)

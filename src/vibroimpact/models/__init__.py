@@ -1,7 +1,7 @@
 """Ready-made models by application: functions of engineering numbers that return a system or an oscillator.
 
-Their arguments are given by name, each with a default, so that `vibroimpact.family` makes a model of any of them, with
-its numbers as parameters.
+All arguments are given by name and have defaults, so that `vibroimpact.family` makes a model of any of them, with these
+numbers as its parameters.
 
 Examples
 --------

@@ -1,4 +1,4 @@
-"""A structure with something that moves in it: impact dampers, a tuned mass in its housing."""
+"""Structures with a mass that moves inside them: impact dampers, a tuned mass in its housing."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from vibroimpact.cells import Floats
 from vibroimpact.model.stops import Force, Stop
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.models.arguments import checked, count
+from vibroimpact.models.arguments import checked, first_given
 from vibroimpact.models.slots import slot
 from vibroimpact.parameters import radians
 
@@ -22,13 +22,15 @@ def impact_damper(
     frequency: float = 30.0,
     particle_mass: float = 0.5,
     clearance: float = 5e-3,
-    particles: float = 1,
+    particles: int = 1,
     restitution: float = 0.7,
+    left_restitution: float | None = None,
+    right_restitution: float | None = None,
 ) -> ImpactSystem:
-    r"""Return a structure with free particles in a slot: the damper of boring bars, antennas, turbine blades.
+    r"""Return a structure with free particles in a slot: a damper for boring bars, antennas or turbine blades.
 
-    Sketch: a mass on spring and damper, driven by a force; along a slot in it one particle, or some in a row, travel
-    between its ends and hit each other.
+    Sketch: a mass on spring and damper, driven by a force; in a slot in it, one particle or several in a row travel
+    between the ends and hit each other.
 
     .. math:: m \ddot x_0 + c \dot x_0 + k x_0 = F \sin \omega t, \qquad \frac{\mu}{p} \ddot x_i = 0 \quad (i = 1..p),
               \qquad x_0 - x_1 \le \frac{d}{p + 1}, \quad x_i - x_{i+1} \le \frac{d}{p + 1}, \quad
@@ -45,26 +47,28 @@ def impact_damper(
     force : float, >= 0
         F in N on the structure.
     frequency : float, > 0
-        Of the force, in Hz.
+        Driving frequency in Hz.
     particle_mass : float, > 0
-        mu in kg, of all particles together.
+        mu in kg, the mass of all particles together.
     clearance : float, > 0
-        d in m, the free travel in the slot, of all particles together. At q = 0 it is spread evenly.
+        d in m, the total free travel in the slot. At q = 0 it is shared equally between the gaps.
     particles : int, 1 to 4
-        p, how many share the slot.
+        p, the number of particles in the slot.
     restitution : float, 0 to 1
-        At the ends, and between particles.
+        Restitution at the ends and between particles.
+    left_restitution, right_restitution : float, 0 to 1, optional
+        Restitution at one side, where it differs.
 
     Returns
     -------
     ImpactSystem
-        The coordinates are x_0 of the structure and x_1, x_2, ... of the particles, from left to right; stops
+        The coordinates are x_0 of the structure and x_1, x_2, ... of the particles, from left to right; the stops are
         `left`, `between_1`, ..., `right`.
 
     Notes
     -----
-    From rest nothing hits until the structure swings by d/(p + 1). Left out: weight and friction in the slot, and
-    other modes of the structure.
+    From rest, impacts begin when the structure's amplitude reaches d/(p + 1). Left out: weight and friction in the
+    slot, and other modes of the structure.
 
     References
     ----------
@@ -79,15 +83,16 @@ def impact_damper(
     >>> impact_damper(particles=3).stop_names
     ('left', 'between_1', 'between_2', 'right')
     """
-    p = count("particles", particles)
-    names = ["left", *(f"between_{at}" for at in range(1, p)), "right"]
+    names = ["left", *(f"between_{at}" for at in range(1, particles)), "right"]
+    own = {"left": left_restitution, "right": right_restitution}
     stops = []
     for at, name in enumerate(names):
-        direction = np.zeros(p + 1)
+        direction = np.zeros(particles + 1)
         direction[at] += 1.0
-        direction[(at + 1) % (p + 1)] -= 1.0
-        stops.append(Stop(direction=direction, gap=clearance / (p + 1), restitution=restitution, name=name))
-    masses = [mass, *[particle_mass / p] * p]
+        direction[(at + 1) % (particles + 1)] -= 1.0
+        r = first_given(own.get(name), restitution)
+        stops.append(Stop(direction=direction, gap=clearance / (particles + 1), restitution=r, name=name))
+    masses = [mass, *[particle_mass / particles] * particles]
     return _structure(masses, natural_frequency, damping_ratio, force, frequency, stops)
 
 
@@ -104,8 +109,12 @@ def two_unit_impact_damper(
     clearance: float = 5e-3,
     second_clearance: float = 4e-3,
     restitution: float = 0.7,
+    first_left_restitution: float | None = None,
+    first_right_restitution: float | None = None,
+    second_left_restitution: float | None = None,
+    second_right_restitution: float | None = None,
 ) -> ImpactSystem:
-    r"""Return a structure with two free particles, each in a slot of its own: two small knocks in place of a hard one.
+    r"""Return a structure with two free particles, each in its own slot: two weak impacts instead of a hard one.
 
     Sketch: a mass on spring and damper, driven by a force; two slots in it, side by side, with a particle in each.
 
@@ -123,22 +132,26 @@ def two_unit_impact_damper(
     force : float, >= 0
         F in N on the structure.
     frequency : float, > 0
-        Of the force, in Hz.
+        Driving frequency in Hz.
     particle_mass, second_particle_mass : float, > 0
         mu_1 and mu_2 in kg.
     clearance, second_clearance : float, > 0
-        d_1 and d_2 in m, from one end of the slot to the other.
+        d_1 and d_2 in m, free travel from one end of the slot to the other.
     restitution : float, 0 to 1
-        At all ends.
+        Restitution at all ends.
+    first_left_restitution, first_right_restitution : float, 0 to 1, optional
+        Restitution at one side, where it differs.
+    second_left_restitution, second_right_restitution : float, 0 to 1, optional
+        Restitution at one side, where it differs.
 
     Returns
     -------
     ImpactSystem
-        The coordinates are x_0, x_1, x_2; stops `first_left`, `first_right`, `second_left`, `second_right`.
+        The coordinates are x_0, x_1, x_2; the stops are `first_left`, `first_right`, `second_left`, `second_right`.
 
     Notes
     -----
-    With equal clearances all impacts from rest are simultaneous, two by two. Left out: as in `impact_damper`.
+    With equal clearances, all impacts from rest occur in simultaneous pairs. Left out: as in `impact_damper`.
 
     References
     ----------
@@ -150,9 +163,10 @@ def two_unit_impact_damper(
     >>> two_unit_impact_damper().clearances([1e-3, 0.0, 0.0]).tolist()
     [0.0015, 0.0035, 0.001, 0.003]
     """
+    ends = first_left_restitution, first_right_restitution, second_left_restitution, second_right_restitution
     one, two = np.array([-1.0, 1.0, 0.0]), np.array([-1.0, 0.0, 1.0])
-    first = slot("first_left", "first_right", one, clearance, restitution=restitution)
-    second = slot("second_left", "second_right", two, second_clearance, restitution=restitution)
+    first = slot("first_left", "first_right", one, clearance, None, ends[:2], restitution=restitution)
+    second = slot("second_left", "second_right", two, second_clearance, None, ends[2:], restitution=restitution)
     masses = [mass, particle_mass, second_particle_mass]
     return _structure(masses, natural_frequency, damping_ratio, force, frequency, [*first, *second])
 
@@ -170,11 +184,13 @@ def tuned_mass_damper(
     absorber_damping_ratio: float = 0.085,
     stroke: float = 0.01,
     restitution: float = 0.4,
+    left_restitution: float | None = None,
+    right_restitution: float | None = None,
 ) -> ImpactSystem:
-    r"""Return a structure with a tuned mass that strikes its housing: a footbridge in more load than planned.
+    r"""Return a structure with a tuned mass that hits its housing: a footbridge under a larger load than planned.
 
     Sketch: a mass on spring and damper, driven by a force; on it a housing, in which a smaller mass on its own spring
-    and damper has `stroke` to either side.
+    and damper can move by `stroke` to either side.
 
     .. math:: m \ddot x_0 + c \dot x_0 + k x_0 - c_a (\dot x_1 - \dot x_0) - k_a (x_1 - x_0) = F \sin \omega t, \\
               \mu m \ddot x_1 + c_a (\dot x_1 - \dot x_0) + k_a (x_1 - x_0) = 0, \qquad |x_1 - x_0| \le s
@@ -190,27 +206,29 @@ def tuned_mass_damper(
     force : float, >= 0
         F in N on the structure.
     frequency : float, > 0
-        Of the force, in Hz.
+        Driving frequency in Hz.
     mass_ratio : float, > 0
-        mu, mass of the absorber over m.
+        mu, mass of the absorber divided by m.
     tuning : float, > 0
-        Natural frequency of the absorber on its own, sqrt(k_a/(mu m)), over that of the structure.
+        Natural frequency sqrt(k_a/(mu m)) of the absorber alone, divided by that of the structure.
     absorber_damping_ratio : float, >= 0
         c_a / (2 sqrt(k_a mu m)).
     stroke : float, > 0
         s in m to either side.
     restitution : float, 0 to 1
-        Of the housing's ends.
+        Restitution at the housing's ends.
+    left_restitution, right_restitution : float, 0 to 1, optional
+        Restitution at one side, where it differs.
 
     Returns
     -------
     ImpactSystem
-        The coordinates are x_0 of the structure and x_1 of the absorber; stops `left` and `right`.
+        The coordinates are x_0 of the structure and x_1 of the absorber; the stops are `left` and `right`.
 
     Notes
     -----
-    Den Hartog's best absorber has the tuning 1/(1 + mu) and the damping ratio sqrt(3 mu/(8 (1 + mu)^3)): 0.980 and
-    0.084 at mu = 0.02. Left out: compliant buffers, and friction in the guides.
+    Den Hartog's optimal absorber has the tuning 1/(1 + mu) and the damping ratio sqrt(3 mu/(8 (1 + mu)^3)), which are
+    0.980 and 0.084 at mu = 0.02. Left out: compliant buffers, and friction in the guides.
 
     References
     ----------
@@ -225,7 +243,8 @@ def tuned_mass_damper(
     absorber = mass_ratio * mass
     rate = radians(natural_frequency) * tuning
     link = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    stops = slot("left", "right", np.array([-1.0, 1.0]), 2.0 * stroke, restitution=restitution)
+    own = left_restitution, right_restitution
+    stops = slot("left", "right", np.array([-1.0, 1.0]), 2.0 * stroke, None, own, restitution=restitution)
     return _structure(
         [mass, absorber],
         natural_frequency,
@@ -248,7 +267,7 @@ def _structure(
     damping: Floats | float = 0.0,
     stiffness: Floats | float = 0.0,
 ) -> ImpactSystem:
-    """Return a driven mass on spring and damper, with other masses and what links them to it."""
+    """Return a driven mass on spring and damper, with other masses and the links between them."""
     n, rate = len(masses), radians(natural_frequency)
     ground = np.zeros((n, n))
     ground[0, 0] = 1.0

@@ -10,7 +10,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from vibroimpact.model import check_names
 from vibroimpact.model.oscillator import ImpactOscillator
-from vibroimpact.parameters import Parameter, invalid, whole_number
+from vibroimpact.parameters import Parameter
 
 _Arguments = ParamSpec("_Arguments")
 _Model = TypeVar("_Model")
@@ -23,6 +23,12 @@ def _positive(name: str, long_name: str, unit: str, hint: str = "") -> Parameter
 
 def _not_negative(name: str, long_name: str, unit: str, hint: str = "") -> Parameter:
     return Parameter(name, long_name, unit, name, 0.0, hint=hint)
+
+
+def _restitution(stop: str) -> Parameter:
+    name, where = f"{stop}_restitution", stop.replace("_", " ")
+    usual = ImpactOscillator.parameters["restitution"]
+    return replace(usual, name=name, symbol=name, long_name=f"{usual.long_name}, {where} side", follows="restitution")
 
 
 def _place(name: str, of: str) -> Parameter:
@@ -66,7 +72,7 @@ _DAMPERS = [
     _positive("natural_frequency", "natural frequency of the structure", "Hz"),
     _positive("particle_mass", "mass of all particles", "kg"),
     _positive("second_particle_mass", "mass of the second particle", "kg"),
-    Parameter("particles", "number of particles", "1", "particles", 1.0, 4.0),
+    Parameter("particles", "number of particles", "1", "particles", 1.0, 4.0, whole=True),
     _positive("mass_ratio", "mass of the absorber over that of the structure", "1"),
     _positive("tuning", "natural frequency of the absorber over that of the structure", "1"),
     _not_negative("absorber_damping_ratio", "damping ratio of the absorber", "1"),
@@ -80,7 +86,7 @@ _BEAMS = [
     _positive("density", "density", "kg/m^3", "steel has 7800 kg/m^3"),
     _place("force_at", "force"),
     _place("stop_at", "stop"),
-    Parameter("modes", "number of modes", "1", "modes", 1.0, 12.0),
+    Parameter("modes", "number of modes", "1", "modes", 1.0, 12.0, whole=True),
 ]
 _TUBES = [
     _positive("outer_diameter", "outer diameter", "m"),
@@ -94,7 +100,14 @@ _TUBES = [
     _place("second_support_at", "second support"),
     _positive("diametral_clearance", "diametral clearance in the supports", "m"),
 ]
-TABLE = {entry.name: entry for entry in [*_OSCILLATORS, *_MACHINES, *_GEARS, *_DAMPERS, *_BEAMS, *_TUBES]}
+_SIDES = [
+    _restitution(stop)
+    for stop in (
+        "left", "right", "drive", "coast", "first_left", "first_right", "second_left", "second_right",
+        "first_upper", "first_lower", "second_upper", "second_lower",
+    )
+]  # fmt: skip
+TABLE = {entry.name: entry for entry in [*_OSCILLATORS, *_MACHINES, *_GEARS, *_DAMPERS, *_BEAMS, *_TUBES, *_SIDES]}
 
 
 _RAISES = """
@@ -117,7 +130,11 @@ def checked(function: Callable[_Arguments, _Model]) -> Callable[_Arguments, _Mod
     @functools.wraps(function)
     def model(*positional: _Arguments.args, **arguments: _Arguments.kwargs) -> _Model:
         check_names(parameters, arguments)
-        numbers: dict[str, Any] = {name: parameters[name].check(value) for name, value in arguments.items()}
+        numbers: dict[str, Any] = {
+            name: parameters[name].check(value)
+            for name, value in arguments.items()
+            if value is not None or not parameters[name].follows
+        }
         return function(*positional, **numbers)
 
     vars(model)["parameters"] = parameters
@@ -135,8 +152,6 @@ def sharing(sections: str) -> Callable[[_Documented], _Documented]:
     return share
 
 
-def count(name: str, value: float) -> int:
-    """Return a checked number as a count, also 4.0, which families pass for 4."""
-    if value != int(value):
-        raise invalid(name, value, "a whole number")
-    return whole_number(name, int(value), 1)
+def first_given(value: float | None, usual: float) -> float:
+    """Return the restitution of a side, or that of all sides where it has none of its own."""
+    return usual if value is None else value

@@ -1,4 +1,4 @@
-"""The bending modes of uniform beams, exact to rounding, also the high ones."""
+"""The bending modes of uniform beams, exact to rounding up to high modes."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _EPS = float(np.finfo(np.float64).eps)
 
 @dataclass(frozen=True, eq=False)
 class BeamModes:
-    r"""The first modes of a uniform Euler-Bernoulli beam of some ends.
+    r"""The first modes of a uniform Euler-Bernoulli beam with given end conditions.
 
     .. math:: \phi(x) = A \cos \beta x + B \sin \beta x + C e^{-\beta x} + D e^{-\beta (L - x)}, \qquad
               \frac{1}{L} \int_0^L \phi_i \phi_j \, dx = \delta_{ij}
 
-    Its natural angular frequencies are (beta L)^2 sqrt(E I / (m' L^4)) with m' the mass per length; over the root of
-    the beam's mass, phi is mass-normalised.
+    The natural angular frequencies are (beta L)^2 sqrt(E I / (m' L^4)), where m' is the mass per length. Divided by the
+    root of the beam's mass, phi is mass-normalised.
 
     Parameters
     ----------
     wave_numbers : (n,) array
         beta L, ascending.
     cosine, sine, decaying, growing : (n,) array
-        A, B, C, D: no term exceeds some units, so nothing cancels in high modes as it does among cosh and sinh.
+        A, B, C, D: no term exceeds a few units, so that nothing cancels in high modes, as it does with cosh and sinh.
     """
 
     wave_numbers: Floats
@@ -44,7 +44,7 @@ class BeamModes:
             value.setflags(write=False)
 
     def at(self, place: float) -> Floats:
-        """Return phi of all modes at a place x/L; exactly 0 at held ends and at nodes."""
+        """Return phi of all modes at a place x/L; exactly 0 at fixed ends and at nodes."""
         b = self.wave_numbers
         z = b * place
         waves = self.cosine * np.cos(z) + self.sine * np.sin(z)
@@ -52,14 +52,14 @@ class BeamModes:
 
     @property
     def means(self) -> Floats:
-        """Means of phi over the length: how much of each mode a uniform load drives; exactly 0 for odd shapes."""
+        """Means of phi over the length: the participation of each mode in a uniform load; exactly 0 for odd shapes."""
         b = self.wave_numbers
         far = self.cosine * np.sin(b) - self.sine * np.cos(b) - self.decaying * np.exp(-b) + self.growing
         near = -self.sine - self.decaying + self.growing * np.exp(-b)
         return self._clean(far - near) / b
 
     def hertz(self, rigidity: float, mass_per_length: float, length: float) -> Floats:
-        """Return the natural frequencies in Hz of a beam of rigidity E I in N m^2, mass per length and length in m."""
+        """Return the natural frequencies in Hz, given E I in N m^2, the mass per length in kg/m and the length in m."""
         rate = math.sqrt(rigidity / mass_per_length) / length**2
         frequencies: Floats = self.wave_numbers**2 * hertz(rate)
         return frequencies
@@ -76,21 +76,21 @@ def beam_modes(ends: str, count: int) -> BeamModes:
     Parameters
     ----------
     ends : str
-        ``"clamped-free"``, ``"clamped-clamped"``, ``"clamped-pinned"`` or ``"pinned-pinned"``, the end at x = 0 first.
+        ``"clamped-free"``, ``"clamped-clamped"``, ``"clamped-pinned"`` or ``"pinned-pinned"``; the end at x = 0 first.
     count : int
-        How many modes.
+        The number of modes.
 
     Returns
     -------
     BeamModes
-        With wave numbers to 1e-15 of their size, and shapes to some units of rounding of beta L.
+        Wave numbers are accurate to 1e-15 relatively, and shapes to a few rounding errors of beta L.
 
     Notes
     -----
     The characteristic equations, cos b cosh b = -1, cos b cosh b = 1, tan b = tanh b and sin b = 0 for b = beta L, are
-    solved in bounded forms, such as cos b + 1/cosh b = 0, between b0 - 1/2 and b0 + 1/2, with b0 their roots for
-    large b. With s = (sinh b - sin b)/(cosh b + cos b) of a cantilever, and alike for the others, C = (1 + s)/2 and
-    D = (1 - s) e^b/2 are written so that the e^b cancels before it is computed.
+    solved in bounded forms, such as cos b + 1/cosh b = 0, between b0 - 1/2 and b0 + 1/2, where b0 are their roots for
+    large b. With s = (sinh b - sin b)/(cosh b + cos b) for a cantilever, and similarly for the others, C = (1 + s)/2
+    and D = (1 - s) e^b/2 are written so that e^b cancels before it is computed.
 
     References
     ----------
@@ -143,7 +143,7 @@ def _pinned_pinned(b: Floats) -> tuple[Floats, ...]:
     return none, np.full(len(b), math.sqrt(2.0)), none, none
 
 
-# b0/pi - n, the characteristic equation (none where b0 is exact), and the coefficients
+# b0/pi - n, the characteristic equation (none if b0 is exact), and the coefficients
 _ENDS: dict[str, tuple[float, Callable[[float], float] | None, Callable[[Floats], tuple[Floats, ...]]]] = {
     "clamped-free": (-0.5, lambda b: math.cos(b) + 1.0 / math.cosh(b), _clamped_free),
     "clamped-clamped": (0.5, lambda b: math.cos(b) - 1.0 / math.cosh(b), _clamped_clamped),
@@ -156,5 +156,5 @@ def moving_row(name: str, place: float, shapes: BeamModes) -> Floats:
     """Return phi of all modes at the place x/L of a stop, which must move."""
     row = shapes.at(place)
     if not row.any():
-        raise invalid(name, place, "a place that moves", "keep stops away from held ends and from nodes of all modes")
+        raise invalid(name, place, "a place that moves", "keep stops away from fixed ends and from nodes of all modes")
     return row

@@ -1,4 +1,4 @@
-"""Beams with a stop: Euler-Bernoulli, in their first modes."""
+"""Euler-Bernoulli beams with a stop, in their first modes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from vibroimpact.model.stops import Force, Stop
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.models.arguments import checked, count, sharing
+from vibroimpact.models.arguments import checked, sharing
 from vibroimpact.models.beam_modes import beam_modes, moving_row
 
 _OF_BEAMS = r"""
@@ -18,17 +18,17 @@ _OF_BEAMS = r"""
 Parameters
 ----------
 length, width, thickness : float, > 0
-    Of the strip in m; it bends along its thickness.
+    Dimensions of the strip in m; it bends in the direction of its thickness.
 youngs_modulus : float, > 0
     E in Pa.
 density : float, > 0
-    In kg/m^3.
+    Density in kg/m^3.
 damping_ratio : float, >= 0
-    Of every mode.
+    Damping ratio of every mode.
 force : float, >= 0
     F in N, in phase with the base.
 force_at, stop_at : float, 0 to 1
-    x_F and x_s over the length, from the left end; the stop is where the strip moves.
+    x_F and x_s divided by the length, from the left end; the stop must be at a place that moves.
 base_acceleration : float, >= 0
     a_0 in m/s^2: the base moves as a_0/w^2 sin wt, and w is relative to it.
 frequency : float, > 0
@@ -36,19 +36,19 @@ frequency : float, > 0
 gap : float
     g in m; negative means preloaded.
 restitution : float, 0 to 1
-    Of the stop.
+    Restitution of the stop.
 modes : int, 1 to 12
-    How many are kept.
+    The number of modes.
 
 Returns
 -------
 ImpactSystem
-    Its coordinates are modal, in m sqrt(kg) with M = I; stop `stop`.
+    Its coordinates are modal, in m sqrt(kg) with M = I; the stop is `stop`.
 
 Raises
 ------
 ValueError
-    A number is out of its range, or the stop is at an end that is held.
+    A number is out of range, or the stop is at a fixed end.
 """
 
 
@@ -69,18 +69,18 @@ def cantilever_with_stop(
     stop_at: float = 1.0,
     gap: float = 2e-3,
     restitution: float = 0.6,
-    modes: float = 3,
+    modes: int = 3,
 ) -> ImpactSystem:
-    r"""Return a cantilever in front of a stop: a reed, a leaf of a valve, a cable tray, a strip on a shaker.
+    r"""Return a cantilever with a stop: a reed, a valve leaf, a cable tray, a strip on a shaker.
 
-    Sketch: a strip clamped at its left end, free at its right; beside it a stop, which is fixed to the clamp. A force
-    acts on it, or the base shakes it, or both.
+    Sketch: a strip clamped at its left end and free at its right end; next to it a stop, which is fixed to the clamp. A
+    force acts on the strip, or the base moves, or both.
 
     Notes
     -----
-    With restitution results depend on `modes`, also in the limit: the struck mass 1/(a . M^-1 a) falls with every mode
-    that moves at the stop, and at the tip of n modes it is the beam's mass over 4 n. Left out: shear and rotary
-    inertia (thickness far below the length of a half wave), large deflections, weight.
+    With restitution, results depend on `modes` and do not converge: the struck mass 1/(a . M^-1 a) decreases with every
+    mode that moves at the stop, and at the tip it is the beam's mass over 4 n with n modes. Left out: shear and rotary
+    inertia (negligible if the thickness is far below the length of a half wave), large deflections, weight.
 
     References
     ----------
@@ -119,17 +119,17 @@ def clamped_beam_with_stop(
     stop_at: float = 0.5,
     gap: float = 0.5e-3,
     restitution: float = 0.6,
-    modes: float = 3,
+    modes: int = 3,
 ) -> ImpactSystem:
-    r"""Return a beam clamped at both ends in front of a stop: a panel's stiffener, a welded pipe span near a wall.
+    r"""Return a beam clamped at both ends with a stop: a panel's stiffener, a welded pipe span near a wall.
 
-    Sketch: a strip between two clamps, and beside it a stop; clamps and stop are one base.
+    Sketch: a strip between two clamps, and next to it a stop; clamps and stop are fixed to one base.
 
     Notes
     -----
-    With restitution results depend on `modes`, also in the limit: see `cantilever_with_stop`. A stop in the middle and
-    a load that is symmetric leave the even modes at rest. Left out: what stretching stiffens, from deflections of the
-    size of the thickness on; shear and rotary inertia.
+    With restitution, results depend on `modes` and do not converge: see `cantilever_with_stop`. With a stop in the
+    middle and a symmetric load, the even modes stay at rest. Left out: stiffening by stretching, which matters for
+    deflections as large as the thickness; shear and rotary inertia.
 
     References
     ----------
@@ -163,16 +163,16 @@ def clamped_pinned_beam_with_stop(
     stop_at: float = 0.6,
     gap: float = 0.5e-3,
     restitution: float = 0.6,
-    modes: float = 3,
+    modes: int = 3,
 ) -> ImpactSystem:
-    r"""Return a beam clamped at its left end and pinned at its right, in front of a stop: a propped pipe or shaft.
+    r"""Return a beam clamped at its left end and pinned at its right end, with a stop: a propped pipe or shaft.
 
-    Sketch: a strip from a clamp to a hinge, and beside it a stop; clamp, hinge and stop are one base.
+    Sketch: a strip from a clamp to a hinge, and next to it a stop; clamp, hinge and stop are fixed to one base.
 
     Notes
     -----
-    With restitution results depend on `modes`, also in the limit: see `cantilever_with_stop`. Left out: what stretching
-    stiffens, shear and rotary inertia, play in the hinge.
+    With restitution, results depend on `modes` and do not converge: see `cantilever_with_stop`. Left out: stiffening by
+    stretching, shear and rotary inertia, play in the hinge.
 
     References
     ----------
@@ -203,16 +203,17 @@ def pinned_beam_with_stop(
     stop_at: float = 0.5,
     gap: float = 1e-3,
     restitution: float = 0.6,
-    modes: float = 3,
+    modes: int = 3,
 ) -> ImpactSystem:
-    r"""Return a beam pinned at both ends in front of a stop: a simply supported girder, shaft or pipe that knocks.
+    r"""Return a beam pinned at both ends with a stop: a simply supported girder, shaft or pipe that hits something.
 
-    Sketch: a strip between two hinges, and beside it a stop; hinges and stop are one base.
+    Sketch: a strip between two hinges, and next to it a stop; hinges and stop are fixed to one base.
 
     Notes
     -----
-    With restitution results depend on `modes`, also in the limit: see `cantilever_with_stop`. Frequencies are as
-    1 : 4 : 9, so that internal resonances are exact. Left out: what stretching stiffens, shear and rotary inertia.
+    With restitution, results depend on `modes` and do not converge: see `cantilever_with_stop`. The frequencies have
+    the ratios 1 : 4 : 9, so that internal resonances are exact. Left out: stiffening by stretching, shear and rotary
+    inertia.
 
     References
     ----------
@@ -227,9 +228,9 @@ def pinned_beam_with_stop(
 
 
 def _beam(ends: str, numbers: Mapping[str, float]) -> ImpactSystem:
-    """Return a beam of some ends, from the arguments of the four of them."""
+    """Return a beam with given end conditions, from the arguments that all four beams share."""
     length, width, thickness = numbers["length"], numbers["width"], numbers["thickness"]
-    shapes = beam_modes(ends, count("modes", numbers["modes"]))
+    shapes = beam_modes(ends, int(numbers["modes"]))
     per_length = numbers["density"] * width * thickness
     mass = per_length * length
     rows = moving_row("stop_at", numbers["stop_at"], shapes), shapes.at(numbers["force_at"]), mass * shapes.means

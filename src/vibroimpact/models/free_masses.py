@@ -1,4 +1,4 @@
-"""One mass without a spring among moving stops: a bouncing ball, an impact pair, an idle gear, a pair of gears."""
+"""One mass without a spring among moving stops: a bouncing ball, an impact pair, an idle gear, a gear pair."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def bouncing_ball(
 ) -> ImpactSystem:
     r"""Return a ball on a vibrating table: a part on a vibratory conveyor, a screw in a feeder.
 
-    Sketch: a table that moves up and down, and above it a ball under its weight.
+    Sketch: a table that moves up and down, and a ball that falls on it by its weight.
 
     .. math:: m \ddot z = -m g, \qquad z \ge A \sin \omega t
 
@@ -31,25 +31,24 @@ def bouncing_ball(
     mass : float, > 0
         m in kg; only impulses depend on it.
     amplitude : float, >= 0
-        A of the table in m.
+        A, amplitude of the table's motion in m.
     frequency : float, > 0
-        Of the table, in Hz.
+        Driving frequency of the table in Hz.
     gravity : float, > 0
         g in m/s^2.
     restitution : float, 0 to 1
-        r of the table.
+        r, restitution of the table.
 
     Returns
     -------
     ImpactSystem
-        The coordinate is the height z; stop `table`.
+        The coordinate is the height z; the stop is `table`.
 
     Notes
     -----
-    All that matters is r and Gamma = A w^2/g. The ball lifts off from rest if Gamma > 1. One bounce in N periods is
-    possible from Gamma = N pi (1 - r)/(1 + r) on, and stable up to
-    Gamma^2 = (N pi (1 - r)/(1 + r))^2 + (2 (1 + r^2)/(1 + r)^2)^2. Left out: drag of the air, spin, the table's
-    deflection.
+    Motions depend on r and Gamma = A w^2/g only. The ball lifts off from rest if Gamma > 1. Motions with one bounce in
+    N periods exist from Gamma = N pi (1 - r)/(1 + r), and are stable up to
+    Gamma^2 = (N pi (1 - r)/(1 + r))^2 + (2 (1 + r^2)/(1 + r)^2)^2. Left out: air drag, spin, deflection of the table.
 
     References
     ----------
@@ -82,10 +81,12 @@ def impact_pair(
     inclination: float = 0.0,
     gravity: float = 9.81,
     restitution: float = 0.6,
+    left_restitution: float | None = None,
+    right_restitution: float | None = None,
 ) -> ImpactSystem:
-    r"""Return a free mass in the slot of a shaken frame: a joint with play, a shaken part in its box, a harvester.
+    r"""Return a free mass in the slot of a moving frame: a joint with play, a part shaken in its box, a harvester.
 
-    Sketch: a frame that moves to and fro along a slot, and in the slot a mass with `clearance` to travel.
+    Sketch: a frame that moves to and fro along a slot, and in the slot a mass with free travel `clearance`.
 
     .. math:: m \ddot x = -m g \sin \theta, \qquad |x - A \sin \omega t| \le d/2
 
@@ -94,28 +95,30 @@ def impact_pair(
     mass : float, > 0
         m in kg; only impulses depend on it.
     clearance : float, > 0
-        d in m, from one end of the slot to the other.
+        d in m, free travel from one end of the slot to the other.
     amplitude : float, >= 0
-        A of the frame in m.
+        A, amplitude of the frame's motion in m.
     frequency : float, > 0
-        Of the frame, in Hz.
+        Driving frequency of the frame in Hz.
     inclination : float, -90 to 90
-        theta in degrees, of the slot to the horizontal; the right end is up where it is positive.
+        theta in degrees, from the horizontal; if it is positive, the right end of the slot is higher.
     gravity : float, > 0
-        g in m/s^2; of no account in a horizontal slot.
+        g in m/s^2; it has no effect in a horizontal slot.
     restitution : float, 0 to 1
-        Of both ends.
+        Restitution of both ends.
+    left_restitution, right_restitution : float, 0 to 1, optional
+        Restitution at one side, where it differs.
 
     Returns
     -------
     ImpactSystem
-        The coordinate is the absolute x; stops `left` and `right`, which move with the frame.
+        The coordinate is the absolute x; the stops `left` and `right` move with the frame.
 
     Notes
     -----
-    A horizontal slot has no rest position: from rest the mass waits for an end to reach it, and none does in the middle
-    of a slot with d > 2 A. Left out: friction in the slot, and that the mass acts back on the frame, as it does in
-    `impact_damper`.
+    A horizontal slot has no rest position: from rest, the mass stays where it is until an end reaches it, which never
+    happens in the middle of a slot with d > 2 A. Left out: friction in the slot, and the reaction of the mass on the
+    frame, which `impact_damper` includes.
 
     References
     ----------
@@ -137,7 +140,9 @@ def impact_pair(
         mass=mass,
         stiffness=0.0,
         force=Force(frequency=frequency, constant=-mass * gravity * math.sin(math.radians(inclination))),
-        stops=slot("left", "right", 1.0, clearance, amplitude, restitution=restitution),
+        stops=slot(
+            "left", "right", 1.0, clearance, amplitude, (left_restitution, right_restitution), restitution=restitution
+        ),
     )
 
 
@@ -153,11 +158,13 @@ def idle_gear(
     drag_torque: float = 0.2,
     rotational_damping: float = 1e-3,
     restitution: float = 0.7,
+    drive_restitution: float | None = None,
+    coast_restitution: float | None = None,
 ) -> ImpactSystem:
-    r"""Return an idle gear that rattles in its backlash: the unloaded wheels of a car's gearbox in neutral.
+    r"""Return an idle gear that rattles in its backlash: the unloaded gears of a car's gearbox in neutral.
 
-    Sketch: a driving gear whose speed fluctuates with the engine; in mesh with it an idle gear, which drag holds back.
-    Angles count from the mean rotation.
+    Sketch: a driving gear whose speed fluctuates with the engine; in mesh with it an idle gear, braked by drag. Angles
+    are relative to the mean rotation.
 
     .. math:: J \ddot\theta + c \dot\theta = -T, \qquad
               |r_b (\theta - \Theta \sin \omega t)| \le j/2, \qquad
@@ -170,31 +177,33 @@ def idle_gear(
     base_radius : float, > 0
         r_b of the idle gear in m.
     backlash : float, > 0
-        j in m along the line of action.
+        j in m, measured along the line of action.
     rpm : float, > 0
         Speed of the engine in revolutions per minute.
     order : float, > 0
-        h, excitations per revolution: 2 for a four-stroke engine of four cylinders, 1.5 for three.
+        h, excitations per revolution: 2 for a four-stroke engine with four cylinders, 1.5 with three.
     angular_acceleration : float, >= 0
-        alpha in rad/s^2, amplitude of that order at the driving gear, times the ratio of the driving gear's teeth to
-        the idle gear's.
+        alpha in rad/s^2, the amplitude of that order at the driving gear, multiplied by its number of teeth and divided
+        by that of the idle gear.
     drag_torque : float, >= 0
         T in N m, mean drag of oil and bearings.
     rotational_damping : float, >= 0
-        c in N m s/rad, what drag grows by with speed.
+        c in N m s/rad, the increase of drag with speed.
     restitution : float, 0 to 1
-        Of both flanks.
+        Restitution of both flanks.
+    drive_restitution, coast_restitution : float, 0 to 1, optional
+        Restitution at one side, where it differs.
 
     Returns
     -------
     ImpactSystem
         The coordinate is theta in rad. The stops `drive` and `coast` are the flanks, which the driving gear moves;
-        their clearances are in m and their impulses in N s along the line of action.
+        their clearances are in m and their impulses in N s, along the line of action.
 
     Notes
     -----
-    The flanks separate if J alpha > T. Left out: the stiffness of teeth and shafts, backlash that changes with
-    eccentricity, further orders of the engine.
+    The flanks separate if J alpha > T. Left out: the stiffness of teeth and shafts, changes of backlash by
+    eccentricity, other orders of the engine.
 
     References
     ----------
@@ -212,13 +221,14 @@ def idle_gear(
     0.625
     """
     omega = 2.0 * math.pi * order * rpm / 60.0
+    own = drive_restitution, coast_restitution
     moves = base_radius * angular_acceleration / omega**2
     return ImpactSystem(
         mass=inertia,
         damping=rotational_damping,
         stiffness=0.0,
         force=Force(omega=omega, constant=-drag_torque),
-        stops=slot("drive", "coast", base_radius, backlash, moves, restitution=restitution),
+        stops=slot("drive", "coast", base_radius, backlash, moves, own, restitution=restitution),
     )
 
 
@@ -236,14 +246,14 @@ def gear_pair(
     transmission_error: float = 2e-6,
     frequency: float = 3000.0,
 ) -> ImpactSystem:
-    r"""Return a loaded pair of spur gears whose teeth give, and part in their backlash where the mesh resonates.
+    r"""Return a loaded pair of spur gears with compliant teeth, which lose contact when the mesh resonates.
 
-    Sketch: two gears, a mean torque on either; between their teeth a spring and damper on each flank, backlash between.
+    Sketch: two gears, with a mean torque on each; between their teeth, backlash, and a spring and damper on each flank.
 
     .. math:: m \ddot x = T/r_1 - F_{drive} + F_{coast}, \qquad x = r_1 \theta_1 - r_2 \theta_2, \qquad
               \frac{1}{m} = \frac{r_1^2}{J_1} + \frac{r_2^2}{J_2}
 
-    Each flank pushes with max(0, k d + c d') where it is pressed in by d = ±(x - e sin wt) - j/2 > 0.
+    Each flank pushes with max(0, k d + c d') at a penetration d = ±(x - e sin wt) - j/2 > 0.
 
     Parameters
     ----------
@@ -252,7 +262,7 @@ def gear_pair(
     base_radius, second_base_radius : float, > 0
         r_1 and r_2 in m.
     backlash : float, > 0
-        j in m along the line of action.
+        j in m, measured along the line of action.
     torque : float, >= 0
         T in N m, mean torque on the driving gear.
     mesh_stiffness : float, > 0
@@ -262,16 +272,16 @@ def gear_pair(
     transmission_error : float, >= 0
         e in m, amplitude of the static transmission error at the mesh frequency.
     frequency : float, > 0
-        Of the mesh in Hz: teeth times revolutions per second.
+        Mesh frequency in Hz: teeth times revolutions per second.
 
     Returns
     -------
     ImpactSystem
-        The coordinate is x in m, the dynamic transmission error; stops `drive` and `coast` are the flanks.
+        The coordinate is x in m, the dynamic transmission error; the stops `drive` and `coast` are the flanks.
 
     Notes
     -----
-    Left out: that the stiffness changes as teeth enter and leave the mesh, and that shafts and bearings give.
+    Left out: changes of stiffness as teeth enter and leave the mesh, and compliance of shafts and bearings.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""One mass on a spring: between two stops, before a compliant one, on a shaken base, under an unbalance."""
+"""One mass on a spring: between two stops, with a compliant stop, on a moving base, with an unbalance."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.stops import Force, Stop
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.models.arguments import checked
+from vibroimpact.models.arguments import checked, first_given
 from vibroimpact.parameters import critical_damping
 
 
@@ -22,6 +22,8 @@ def two_sided_oscillator(
     left_gap: float = 1e-3,
     right_gap: float = 1e-3,
     restitution: float = 0.6,
+    left_restitution: float | None = None,
+    right_restitution: float | None = None,
 ) -> ImpactSystem:
     r"""Return a mass on a spring between two stops: a pipe in its snubber, a part with play on both sides.
 
@@ -42,24 +44,26 @@ def two_sided_oscillator(
     frequency : float, > 0
         Driving frequency in Hz.
     left_gap, right_gap : float
-        Clearances in m from the position where the spring is relaxed; a negative one preloads against that stop.
+        Clearances in m from the position where the spring is relaxed; negative means preloaded against that stop.
     restitution : float, 0 to 1
-        Of both stops.
+        Restitution of both stops.
+    left_restitution, right_restitution : float, 0 to 1, optional
+        Restitution at one side, where it differs.
 
     Returns
     -------
     ImpactSystem
-        The coordinate is x; stops `left` and `right`.
+        The coordinate is x; the stops are `left` and `right`.
 
     Raises
     ------
     ValueError
-        A number is out of its range, or the stops overlap.
+        A number is out of range, or the stops overlap.
 
     Notes
     -----
-    Left out: the stops' own compliance, and modes in which mass or frame deform at an impact. With equal gaps a
-    motion is its own mirror image half a period later, or there is a second one that is.
+    Left out: compliance of the stops, and vibration modes of mass or frame that impacts excite. With equal gaps, each
+    motion is its own mirror image half a period later, or its mirror image is a second motion.
 
     References
     ----------
@@ -78,8 +82,8 @@ def two_sided_oscillator(
         stiffness=stiffness,
         force=Force(frequency=frequency, harmonics={1: force}),
         stops=[
-            Stop(direction=-1.0, gap=left_gap, restitution=restitution, name="left"),
-            Stop(direction=1.0, gap=right_gap, restitution=restitution, name="right"),
+            Stop(direction=-1.0, gap=left_gap, restitution=first_given(left_restitution, restitution), name="left"),
+            Stop(direction=1.0, gap=right_gap, restitution=first_given(right_restitution, restitution), name="right"),
         ],
     )
 
@@ -96,9 +100,9 @@ def bilinear_oscillator(
     stop_stiffness: float = 1.2e5,
     stop_damping: float = 20.0,
 ) -> ImpactSystem:
-    r"""Return a mass on a spring before a compliant stop: a rig with a beam as stop, a fender, a snubber.
+    r"""Return a mass on a spring with a compliant stop: a rig with a beam as its stop, a fender, a snubber.
 
-    Sketch: a wall, spring and damper, the mass; before it, at a gap, a second spring and damper on a wall.
+    Sketch: a wall, spring and damper, the mass; in front of it, at a gap, a second spring and damper on a wall.
 
     .. math:: m \ddot x + c \dot x + k x + \max(0,\ k_s d + c_s \dot d) = F \sin \omega t, \qquad d = x - g > 0
 
@@ -117,18 +121,18 @@ def bilinear_oscillator(
     gap : float
         g in m; negative means preloaded.
     stop_stiffness : float, > 0
-        k_s in N/m; of a clamped beam that is met at its tip, 3 E I/L^3.
+        k_s in N/m; for a clamped beam hit at its tip, 3 E I/L^3.
     stop_damping : float, >= 0
         c_s in N s/m.
 
     Returns
     -------
     ImpactSystem
-        The coordinate is x; stop `spring`.
+        The coordinate is x; the stop is `spring`.
 
     Notes
     -----
-    Left out: the mass of the stop, which makes the first instant of contact an impact, and its own vibration after it.
+    Left out: the mass of the stop, which makes the first instant of contact an impact, and its vibration after contact.
 
     References
     ----------
@@ -163,9 +167,10 @@ def base_excited_oscillator(
     gap: float = 0.5e-3,
     restitution: float = 0.7,
 ) -> ImpactOscillator:
-    r"""Return a mass on a spring on a shaken base, with a stop on that base: a relay, a part on a shaker.
+    r"""Return a mass on a spring on a moving base, with a stop on that base: a relay, a part on a shaker.
 
-    Sketch: a table that moves as Y sin wt; on it a spring and damper with the mass, and a stop that moves along.
+    Sketch: a table that moves as Y sin wt; on it a spring and damper with the mass, and a stop that moves with the
+    table.
 
     .. math:: m \ddot y + c \dot y + k y = m a_0 \sin \omega t, \qquad y \le g, \qquad a_0 = \omega^2 Y
 
@@ -178,22 +183,22 @@ def base_excited_oscillator(
     damping_ratio : float, >= 0
         c / (2 sqrt(k m)).
     base_acceleration : float, >= 0
-        a_0 in m/s^2, the amplitude that a shaker is set to.
+        a_0 in m/s^2, the amplitude to which a shaker is set.
     frequency : float, > 0
-        Of the base, in Hz.
+        Driving frequency of the base in Hz.
     gap : float
         g in m; negative means preloaded.
     restitution : float, 0 to 1
-        Of the stop.
+        Restitution of the stop.
 
     Returns
     -------
     ImpactOscillator
-        Its displacement y is that of the mass over the base, and its velocities are relative to the base.
+        The displacement y and all velocities are relative to the base.
 
     Notes
     -----
-    Left out: that the mass acts back on the shaker. A stop that stands still while the base moves is another machine.
+    Left out: the reaction of the mass on the shaker. A stop fixed to the ground is a different machine.
 
     References
     ----------
@@ -228,7 +233,7 @@ def unbalanced_machine(
     gap: float = 1e-3,
     restitution: float = 0.5,
 ) -> ImpactOscillator:
-    r"""Return a machine on springs that its unbalance shakes against a stop: a compressor, a screen, a washing machine.
+    r"""Return a machine on springs that its unbalance drives against a stop: a compressor, a screen, a washing machine.
 
     Sketch: a housing on springs and dampers, in it a rotor with an unbalance; above the housing a stop.
 
@@ -246,20 +251,20 @@ def unbalanced_machine(
     unbalance : float, >= 0
         U in kg m, rotating mass times eccentricity.
     rpm : float, > 0
-        Speed in revolutions per minute: the force grows with its square.
+        Speed in revolutions per minute; the force increases with its square.
     gap : float
         g in m, from static equilibrium; negative means preloaded.
     restitution : float, 0 to 1
-        Of the stop.
+        Restitution of the stop.
 
     Returns
     -------
     ImpactOscillator
-        At that speed; `vibroimpact.family` makes the speed an axis.
+        The oscillator at that speed; `vibroimpact.family` makes the speed an axis.
 
     Notes
     -----
-    Left out: motion across and rocking, and that the speed drops where the motor is too weak to pass a resonance.
+    Left out: lateral and rocking motion, and the drop in speed if the motor is too weak to pass a resonance.
 
     References
     ----------

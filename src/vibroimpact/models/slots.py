@@ -1,4 +1,4 @@
-"""Pairs of stops on either side of what moves: the ends of a slot, the flanks of a tooth."""
+"""Pairs of stops on both sides of a moving part: the ends of a slot, the flanks of a tooth."""
 
 from __future__ import annotations
 
@@ -8,12 +8,18 @@ from vibroimpact.model.stops import Stop
 
 
 def slot(
-    below: str, above: str, direction: Any, clearance: float, amplitude: float | None = None, **contact: float
+    below: str,
+    above: str,
+    direction: Any,
+    clearance: float,
+    amplitude: float | None = None,
+    restitutions: tuple[float | None, float | None] = (None, None),
+    **contact: float,
 ) -> list[Stop]:
-    """Return the two ends of a slot along direction . q, each half of its clearance away at q = 0.
+    """Return the two ends of a slot along direction . q, each at half of the clearance at q = 0.
 
-    They move together by amplitude sin wt, if one is given; `contact` holds their restitution, or stiffness and
-    damping.
+    They move together as amplitude sin wt, if an amplitude is given; `contact` holds their restitution, or their
+    stiffness and damping; `restitutions` are those of the two where they differ.
     """
     return [
         Stop(
@@ -21,7 +27,7 @@ def slot(
             gap=0.5 * clearance,
             name=name,
             motion=None if amplitude is None else {1: sign * amplitude},
-            **contact,
+            **contact | ({} if own is None else {"restitution": own}),
         )
-        for name, sign in ((below, -1.0), (above, 1.0))
+        for name, sign, own in zip((below, above), (-1.0, 1.0), restitutions, strict=True)
     ]

@@ -9,7 +9,7 @@ import numpy as np
 
 from vibroimpact.model.stops import Force, Stop
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.models.arguments import checked, count, sharing
+from vibroimpact.models.arguments import checked, first_given, sharing
 from vibroimpact.models.beam_modes import beam_modes, moving_row
 from vibroimpact.parameters import invalid
 
@@ -27,38 +27,42 @@ outer_diameter, wall_thickness : float, > 0
     D and t in m; t is less than D/2.
 youngs_modulus : float, > 0
     E in Pa.
-density : float, > 0
+Density of the tube, rho, in kg/m^3.
     rho of the tube in kg/m^3.
 inner_fluid_density, outer_fluid_density : float, >= 0
     rho_i and rho_o in kg/m^3.
 added_mass_coefficient : float, >= 0
-    C_m, mass of the fluid outside that moves along over the mass that the tube displaces: 1 alone in still water,
-    1.3 to 2 in a bundle.
+    C_m, the mass of outside fluid that moves with the tube, divided by the mass that the tube displaces: 1 for a single
+    tube in still water, 1.3 to 2 in a bundle.
 damping_ratio : float, >= 0
-    Of every mode, with the fluid.
+    Damping ratio of every mode, including the fluid.
 force_per_length, steady_force_per_length : float
-    f >= 0 and f_0 in N/m, uniform along the tube; drag or weight presses it to one side.
+    f >= 0 and f_0 in N/m, uniform along the tube; drag or weight presses the tube to one side.
 frequency : float, > 0
-    Of f, such as that of shed vortices, in Hz.
+    Frequency of f in Hz, such as that of vortex shedding.
 first_support_at, second_support_at : float, 0 to 1
-    x_1 and x_2 over the length, away from the ends.
+    x_1 and x_2 divided by the length, away from the ends.
 diametral_clearance : float, > 0
-    c in m, diameter of the hole less D.
+    c in m, diameter of the hole minus D.
 restitution : float, 0 to 1
-    In both supports.
+    Restitution in both supports.
+first_upper_restitution, first_lower_restitution : float, 0 to 1, optional
+    Restitution at one side of the first support, where it differs.
+second_upper_restitution, second_lower_restitution : float, 0 to 1, optional
+    Restitution at one side of the second support, where it differs.
 modes : int, 1 to 12
-    How many are kept.
+    The number of modes.
 
 Returns
 -------
 ImpactSystem
-    Its coordinates are modal, in m sqrt(kg) with M = I; stops `first_upper`, `first_lower`, `second_upper`,
+    Its coordinates are modal, in m sqrt(kg) with M = I; the stops are `first_upper`, `first_lower`, `second_upper`,
     `second_lower`.
 
 Raises
 ------
 ValueError
-    A number is out of its range, or a support is at an end.
+    A number is out of range, or a support is at an end.
 """
 
 
@@ -82,18 +86,22 @@ def tube_in_supports(
     second_support_at: float = 0.7,
     diametral_clearance: float = 0.8e-3,
     restitution: float = 0.6,
-    modes: float = 3,
+    first_upper_restitution: float | None = None,
+    first_lower_restitution: float | None = None,
+    second_upper_restitution: float | None = None,
+    second_lower_restitution: float | None = None,
+    modes: int = 3,
 ) -> ImpactSystem:
-    r"""Return a tube of a heat exchanger, pinned at its ends, that rattles in two supports with clearance.
+    r"""Return a heat exchanger tube, pinned at its ends, that rattles in two supports with clearance.
 
-    Sketch: a tube from one tight baffle to the next, in water; between them two plates, each with a hole that leaves
-    it half of `diametral_clearance` above and below. The flow shakes it along its whole length.
+    Sketch: a tube from one tight baffle to the next, in water; between them two plates, each with a hole that leaves a
+    clearance of half `diametral_clearance` above and below. The flow excites the tube along its whole length.
 
     Notes
     -----
-    With restitution results depend on `modes`, also in the limit: see `cantilever_with_stop`. Left out: motion across
-    the plane with friction and sliding in the hole, forces that follow the motion (fluid-elastic instability),
-    turbulence, squeeze films.
+    With restitution, results depend on `modes` and do not converge: see `cantilever_with_stop`. Left out: motion
+    perpendicular to the plane with friction and sliding in the hole, forces that depend on the motion (fluid-elastic
+    instability), turbulence, squeeze films.
 
     References
     ----------
@@ -134,16 +142,20 @@ def clamped_tube_in_supports(
     second_support_at: float = 0.7,
     diametral_clearance: float = 0.8e-3,
     restitution: float = 0.6,
-    modes: float = 3,
+    first_upper_restitution: float | None = None,
+    first_lower_restitution: float | None = None,
+    second_upper_restitution: float | None = None,
+    second_lower_restitution: float | None = None,
+    modes: int = 3,
 ) -> ImpactSystem:
-    r"""Return a tube that is clamped at its ends, as in two tube sheets, and rattles in two supports with clearance.
+    r"""Return a tube clamped at its ends, as in two tube sheets, that rattles in two supports with clearance.
 
-    Sketch: a tube rolled into a tube sheet at either end, in water; between them two plates, each with a hole that
-    leaves it half of `diametral_clearance` above and below. The flow shakes it along its whole length.
+    Sketch: a tube rolled into a tube sheet at each end, in water; between them two plates, each with a hole that leaves
+    a clearance of half `diametral_clearance` above and below. The flow excites the tube along its whole length.
 
     Notes
     -----
-    As of `tube_in_supports`; left out is the axial load, too, that a cold or hot tube between stiff sheets has.
+    As in `tube_in_supports`; the axial load of a cold or hot tube between stiff sheets is left out as well.
 
     References
     ----------
@@ -158,7 +170,7 @@ def clamped_tube_in_supports(
 
 
 def _tube(ends: str, numbers: Mapping[str, float]) -> ImpactSystem:
-    """Return a tube of some ends, from the arguments of both of them."""
+    """Return a tube with given end conditions, from the arguments that both tubes share."""
     length, outer, wall_thickness = numbers["length"], numbers["outer_diameter"], numbers["wall_thickness"]
     inner = outer - 2.0 * wall_thickness
     if inner <= 0.0:
@@ -169,7 +181,7 @@ def _tube(ends: str, numbers: Mapping[str, float]) -> ImpactSystem:
     inside = numbers["inner_fluid_density"] * bore
     outside = numbers["added_mass_coefficient"] * numbers["outer_fluid_density"] * disc
     per_length = numbers["density"] * wall + inside + outside
-    shapes = beam_modes(ends, count("modes", numbers["modes"]))
+    shapes = beam_modes(ends, int(numbers["modes"]))
     rows = [moving_row(name, numbers[name], shapes) for name in ("first_support_at", "second_support_at")]
     sides = {f"{support}_{side}": {support: sign} for support in ("first", "second") for side, sign in _SIDES.items()}
     return ImpactSystem.from_modes(
@@ -186,7 +198,7 @@ def _tube(ends: str, numbers: Mapping[str, float]) -> ImpactSystem:
             Stop(
                 direction=direction,
                 gap=0.5 * numbers["diametral_clearance"],
-                restitution=numbers["restitution"],
+                restitution=first_given(numbers[f"{name}_restitution"], numbers["restitution"]),
                 name=name,
             )
             for name, direction in sides.items()

@@ -1,7 +1,7 @@
-"""The one vocabulary of motions: their kinds, how a kind is decided, names and sentences, and recognition.
+"""The vocabulary of motions: their kinds, how a kind is decided, names and sentences, and recognition.
 
-Whatever names a motion - maps, sections, attractors, verdicts, diagrams, the explorer - decides its kind with `decide`
-and names it with `motion_name`.
+Everything that names a motion - maps, sections, attractors, verdicts, diagrams, the explorer - decides its kind with
+`decide` and names it with `motion_name`.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from vibroimpact.status import Status
 if TYPE_CHECKING:
     import xarray as xr
 
-# The one threshold of chaos: ln of the growth that carries the last binary digit of a double to the motion's own size.
+# The threshold of chaos: ln of the growth that amplifies the last binary digit of a double to the motion's own size.
 CERTAIN_GROWTH = 53 * math.log(2.0)
 NAMING = ("lyapunov_per_impact", "n_periods", "n_impacts")  # the indices that name a motion
 WITHOUT = "the motion without impacts"  # along the graze at which it first touches a stop
-WINDS = 1000  # impacts: in fewer a motion that settles slowly looks as if it never did
+WINDS = 1000  # impacts: in fewer, slow convergence cannot be distinguished from none
 
 
 class MotionClass(IntEnum):
     """The kind of a motion.
 
-    `classify` stores 0 to 5 in files; 0 to 4 never change. The others refine 1 (no impact) and 0 (undecided) where the
-    status is known; `stored` leads back.
+    `classify` stores 0 to 5 in files; 0 to 4 never change. The others refine 1 (no impact) and 0 (undecided) by the
+    status; `stored` converts them back.
     """
 
     UNDECIDED = 0
@@ -40,16 +40,16 @@ class MotionClass(IntEnum):
     PERIODIC = 2
     STICKING = 3
     CHAOTIC = 4
-    QUASI_PERIODIC = 5  # of two coordinates or more
-    STUCK_FOREVER = 6  # pressed against the stop
+    QUASI_PERIODIC = 5  # only with two coordinates or more
+    STUCK_FOREVER = 6  # permanently in contact
     DECAYING = 7  # unforced impacts die out
-    AT_REST = 8  # where a motion ends that nothing drives
+    AT_REST = 8  # the end of unforced motion
     BUDGET = 9  # not followed to the end
     INTERRUPTED = 10
 
     @property
     def word(self) -> str:
-        """The name as it stands in datasets."""
+        """The name in datasets."""
         return self.name.lower()
 
     @property
@@ -59,12 +59,12 @@ class MotionClass(IntEnum):
 
     @property
     def stored(self) -> MotionClass:
-        """The kind of 0 to 5 that this one refines."""
+        """The stored kind, 0 to 5, that this one refines."""
         return MotionClass(int(_STORED[self]))
 
     @property
     def hits(self) -> bool:
-        """Whether the settled motion touches the stop again and again."""
+        """Whether the settled motion hits the stop again and again."""
         return self.stored not in (MotionClass.UNDECIDED, MotionClass.NO_IMPACT)
 
 
@@ -74,7 +74,7 @@ _NAMES = {
     MotionClass.STUCK_FOREVER: "permanently in contact",
     MotionClass.BUDGET: "not followed to the end",
 }
-# The kind that a status alone decides, by status; the first four decide nothing.
+# The kinds that follow from a status alone, by status; the first four statuses leave the kind open.
 _BY_STATUS = np.array([0, 0, 0, 0, 1, 1, 6, 7, 9, 10, 9], dtype=np.int8)
 
 
@@ -83,10 +83,10 @@ def decide(
 ) -> NDArray[np.int8]:
     r"""Return the kind of motion, as a number of `MotionClass`, of one cell or of an array, by the rules of `classify`.
 
-    `growth` is ln of the factor by which neighbours part over the sampled impacts, :math:`N \lambda_\mathrm{impact}`;
-    `n_periods` and `n_impacts` are 0 where no cycle was found, and -1 impacts are a complete chatter. The mass sticks
-    where two of three hold: there is a cycle, :math:`\lambda = -\infty`, a complete chatter. `impacts` were sampled of
-    a model whose motions `may_wind`, 0 of another.
+    `growth` is ln of the factor by which perturbations grow over the sampled impacts, :math:`N
+    \lambda_\mathrm{impact}`; `n_periods` and `n_impacts` are 0 if no cycle was found, and `n_impacts` is -1 for
+    complete chatter. The mass sticks if two of three hold: there is a cycle, :math:`\lambda = -\infty`, there is
+    complete chatter. `impacts` is the number of sampled impacts if the motions of the model `may_wind`, else 0.
 
     Examples
     --------
@@ -105,11 +105,11 @@ def decide(
 
 
 def may_wind(model: Model) -> bool:
-    """Return whether motions may be quasi-periodic: of two coordinates or more beside a free centre.
+    """Return whether motions may be quasi-periodic: with two coordinates or more, not counting a free centre.
 
-    The stroboscopic section of one coordinate is a plane, also between two stops, where each rate before an impact and
-    that after it are one point. A closed curve of the section would enclose an area that each period keeps; but it
-    shrinks where a stop or a damper takes energy.
+    The stroboscopic section of one coordinate is a plane, even between two stops, if the rates before and after an
+    impact are taken as one point. A closed curve on the section would enclose an area that each period preserves, but
+    stops and dampers that lose energy shrink it.
     """
     system: Any = model.at()
     return np.size(system.mass) > 1 and int((~system.modal().neutral[1]).sum()) > 1
@@ -122,13 +122,13 @@ def stored(kinds: NDArray[Any]) -> NDArray[np.int8]:
 
 
 def refined(codes: ArrayLike, status: ArrayLike) -> NDArray[np.int8]:
-    """Return stored kinds, refined where the status alone decides."""
+    """Return stored kinds, refined if the status alone decides."""
     by_status = _BY_STATUS[np.asarray(status)]
     return np.where(by_status > 0, by_status, np.asarray(codes, dtype=np.int8))
 
 
 def motion_name(kind: int, n_periods: int = 0, n_impacts: int = 0) -> str:
-    """Return a motion in two or three words.
+    """Return the name of a motion in two or three words.
 
     Examples
     --------
@@ -144,7 +144,7 @@ def motion_name(kind: int, n_periods: int = 0, n_impacts: int = 0) -> str:
 
 
 def cycle_name(n_periods: int, n_impacts: int, sticks: bool = False) -> str:
-    """Return the name of an orbit of n periods and p impacts; one with -1 impacts sticks."""
+    """Return the name of an orbit of n periods and p impacts; -1 impacts means sticking."""
     kind = MotionClass.STICKING if sticks or n_impacts == -1 else MotionClass.PERIODIC
     return motion_name(kind, n_periods, n_impacts)
 
@@ -152,7 +152,7 @@ def cycle_name(n_periods: int, n_impacts: int, sticks: bool = False) -> str:
 def motion_along(followed: xr.Dataset, sticks: bool = False) -> str:
     """Return the name of the motions along a branch or a curve.
 
-    Where all velocities are 0 nothing hits. On a branch, grazes of compliant stops change the number of impacts.
+    If all velocities are 0 there are no impacts. On a branch, grazes of compliant stops change the number of impacts.
     """
     n, p = (int(followed.attrs[name]) for name in ("n_periods", "n_impacts"))
     if sticks or p < 1:
@@ -175,12 +175,12 @@ class Motion:
         "periodic", "sticking", "chaotic", "quasi_periodic", "undecided" (no cycle, and chaos not certain), "no_impact",
         "stuck_forever", "decaying", "at_rest", "budget" or "interrupted": the word of a `MotionClass`.
     n_periods : int
-        Driving periods in a cycle; 0 where there is none.
+        Driving periods in a cycle; 0 if there is no cycle.
     n_impacts : int
-        Impacts in a cycle; -1 for a complete chatter (infinitely many), 0 where there is no cycle.
+        Impacts in a cycle; -1 for complete chatter (infinitely many), 0 if there is no cycle.
     velocities, phases : tuple of float
-        Impact velocities in m/s and phases in [0, 1) of one cycle's recorded impacts, from its hardest hit on in the
-        order of time. Empty where there is no cycle.
+        Impact velocities in m/s and phases in [0, 1) of one cycle's recorded impacts, in order of time from its hardest
+        impact. Empty if there is no cycle.
     status : Status
         How the sampled motion ended.
 
@@ -207,7 +207,7 @@ class Motion:
 
     @property
     def name(self) -> str:
-        """The motion in two or three words."""
+        """The name of the motion in two or three words."""
         return motion_name(self.motion_class, self.n_periods, self.n_impacts)
 
     def sentence(self, period: float) -> str:
@@ -224,9 +224,9 @@ class Motion:
         if kind == MotionClass.CHAOTIC:
             return "chaotic, the impacts do not repeat"
         if kind == MotionClass.QUASI_PERIODIC:
-            return "quasi-periodic, the impacts do not repeat, and neighbours neither part nor approach"
+            return "quasi-periodic, the impacts do not repeat, and perturbations neither grow nor decay"
         if kind == MotionClass.UNDECIDED:
-            return "undecided, no cycle of whole driving periods was found, nor is it surely chaotic; sample more"
+            return "undecided, no cycle of whole driving periods was found, and chaos is not certain; sample more"
         return f"{self.name}: {self.status.sentence.removeprefix(f'{self.name}: ')}"
 
 

@@ -1,4 +1,4 @@
-"""How fast neighbours of one mass's motion part: a deviation carried from impact to impact."""
+"""The growth of perturbations of one mass's motion, computed from impact to impact."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 from vibroimpact.cells import Floats
 from vibroimpact.model.oscillator import ImpactOscillator
 
-UNRESOLVED = math.log(1e13)  # ln of the growth between two rests from which on rounding decides when the second comes
+UNRESOLVED = math.log(1e13)  # ln of the growth between two rests beyond which rounding decides when the second comes
 
 
 def separations(osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Floats) -> Floats:
-    r"""Return ln of the factor by which neighbours have parted since the first of some impacts, after each later one.
+    r"""Return ln of the growth of a perturbation since the first of some impacts, after each later one.
 
-    A deviation :math:`(\delta y, \delta\dot y)` obeys the homogeneous equation in flight; at an impact with speed v
-    before it and accelerations :math:`a_-, a_+` before and after, it takes the saltation (theory, equation 5.1; P. C.
+    A perturbation :math:`(\delta y, \delta\dot y)` obeys the homogeneous equation in flight. At an impact with speed v
+    before it and accelerations :math:`a_-, a_+` before and after, it obeys the saltation (theory, equation 5.1; P. C.
     Müller, Chaos, Solitons & Fractals 5, 1671 (1995), for exponents of systems with jumps)
 
     .. math:: \delta y \to -r\,\delta y, \qquad
@@ -38,7 +38,7 @@ def separations(osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Fl
     for a, b, d, e in _across(osc, time, phase, velocity):
         y, rate = a * y + b * rate, d * y + e * rate
         size = math.hypot(y * scale, rate)
-        if not size:  # nothing is left of the deviation
+        if not size:  # the perturbation has become zero
             return np.array([*grown, -math.inf])
         total += math.log(size)
         grown.append(total)
@@ -47,11 +47,11 @@ def separations(osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Fl
 
 
 def resolved(osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Floats) -> bool:
-    """Return whether double precision resolves a turn from a release, the first row, through impacts to the next one.
+    """Return whether double precision resolves the motion from a release, the first row, through impacts to the next.
 
-    It does unless neighbours part by 1e13 between any two of its times: beyond that rounding decides when the mass
-    rests again, and the turn is no orbit of the oscillator. As in `describe_turn` of the kernels, deviations begin as
-    (1, 0.7) in lengths and speeds of a step, and anew wherever less than that is left of them.
+    It does unless perturbations grow by 1e13 between any two of the times: beyond that, rounding decides when the mass
+    rests again, and the motion is not an orbit of the oscillator. As in `describe_turn` of the kernels, perturbations
+    begin as (1, 0.7) in units of a step's length and speed, and begin again when they become smaller than that.
     """
     from vibroimpact.kernels.flight import REACH  # slower to import
 
@@ -71,10 +71,10 @@ def resolved(osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Float
 def _across(
     osc: ImpactOscillator, time: Floats, phase: Floats, velocity: Floats
 ) -> Iterator[tuple[float, float, float, float]]:
-    """Yield how a deviation in displacement and velocity goes from just after one impact to just after the next."""
+    """Yield the matrices that carry a perturbation from just after one impact to just after the next, by rows."""
     m, c, k, r = osc.mass, osc.damping, osc.stiffness, osc.restitution
     half, flight, speed = 0.5 * c / m, np.diff(time), velocity[1:]
-    root = np.sqrt(complex(k / m - half * half))  # imaginary beyond critical damping
+    root = np.sqrt(complex(k / m - half * half))  # imaginary above critical damping
     damped = np.exp(-half * flight)
     cosine = damped * np.cos(root * flight).real
     sine = damped * ((np.sin(root * flight) / root).real if root else flight)

@@ -1,4 +1,4 @@
-"""Which motion a sampled section shows: how its impacts repeat, and whether neighbours part."""
+"""Recognising the motion in a sampled section: how its impacts repeat, and whether perturbations grow."""
 
 from __future__ import annotations
 
@@ -25,30 +25,33 @@ if TYPE_CHECKING:
 
     from vibroimpact.model.system import ImpactSystem
 
-PERIODS_SAME = 1e-6  # driving periods: impacts so near to the end of a cycle are at it
+PERIODS_SAME = 1e-6  # driving periods: impacts this close to the end of a cycle belong to it
 
 
 def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64) -> Motion:
     r"""Return the motion that a settled impact section belongs to.
 
     A period-n impact-p motion repeats after p impacts that take n driving periods: :math:`I_{i+p} = I_i`,
-    :math:`\psi_{i+p} = \psi_i`, :math:`t_{i+p} = t_i + nT` for all i, with the smallest such p. A stick erases all
-    memory, so a motion that leaves the stop from rest twice repeats from one release to the next, unless neighbours
-    part by more than 1e13 on the way (`resolved`): then it is intermittent sticking in this section, which the smallest
-    push may end. What does not repeat is chaotic if neighbours part by more than 2^53.
+    :math:`\psi_{i+p} = \psi_i`, :math:`t_{i+p} = t_i + nT` for all i, with the smallest such p. A rest at the stop
+    erases all memory, so a motion that leaves the stop from rest twice repeats from one release to the next. The
+    exception is growth of perturbations by more than 1e13 on the way (`resolved`): such a motion is intermittent
+    sticking in this section, which the smallest disturbance may end. A motion that does not repeat is chaotic if
+    perturbations grow by more than 2^53.
 
-    For systems, impacts must repeat stop by stop. What does not repeat, or rests, is named as `classify` names it: the
-    section does not hold the coordinates, so that the motion is computed once more from its initial condition.
+    For systems, impacts must repeat stop by stop. A motion that does not repeat, or that rests, is named as `classify`
+    names it: since the section does not hold the coordinates, the motion is computed once more from its initial
+    condition.
 
     Parameters
     ----------
     section : xarray.Dataset
-        What `impact_section` returned: `time` in s, `phase`, `velocity` in m/s (dim `impact`), `release_time`
-        (dim `stick`), `status`, and the oscillator or the system in its attributes.
+        The result of `impact_section`: `time` in s, `phase`, `velocity` in m/s (dim `impact`), `release_time` (dim
+        `stick`), `status`, and the oscillator or the system in its attributes.
     tolerance : float, > 0
-        How well impacts must repeat, relative to the largest velocity, and phases as points of the unit circle.
+        The accuracy with which impacts must repeat: relative to the largest velocity, and of phases as points of the
+        unit circle.
     longest : int, >= 1
-        The most impacts of a cycle.
+        The largest number of impacts in a cycle.
 
     Returns
     -------
@@ -62,10 +65,10 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
 
     Notes
     -----
-    All of the section must repeat, or else all of its second half, so that a transient slower than
-    `transient_impacts` is not taken for chaos. A motion that repeats less well than `tolerance` does not repeat: close
-    to a bifurcation leave out more impacts first. Growth is that of a deviation carried through flights and impacts
-    (`separations`). Cost: a few passes over the section for each p, and 2 microseconds per impact without a cycle.
+    All of the section must repeat, or all of its second half, so that a transient slower than `transient_impacts` is
+    not taken for chaos. A motion that repeats less accurately than `tolerance` does not count as repeating: close to a
+    bifurcation, skip more impacts. Growth is computed for a perturbation through flights and impacts (`separations`).
+    Cost: a few passes over the section for each p, and 2 microseconds per impact without a cycle.
 
     Examples
     --------
@@ -86,8 +89,10 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
 
 
 class _Evidence(NamedTuple):
-    """What names a motion: n and p, 0 without a cycle; ln of the growth of perturbations over the sample; which impacts
-    are those of the last cycle; and over how many impacts it may have been quasi-periodic.
+    """The numbers that name a motion.
+
+    n and p, 0 without a cycle; ln of the growth of perturbations over the sample; which impacts belong to the last
+    cycle; and over how many impacts the motion may have been quasi-periodic.
     """
 
     n: int
@@ -98,7 +103,7 @@ class _Evidence(NamedTuple):
 
 
 def _by_impacts(section: xr.Dataset, osc: ImpactOscillator, **limits: Any) -> _Evidence:
-    """Return what names a motion whose impacts are its whole state: from these alone."""
+    """Return the numbers that name a motion from its impacts, which are its whole state."""
     status = Status(int(section["status"]))
     time, phase, velocity = (np.asarray(section[name], dtype=np.float64) for name in ("time", "phase", "velocity"))
     releases = np.asarray(section["release_time"], dtype=np.float64)
@@ -119,7 +124,7 @@ def _by_impacts(section: xr.Dataset, osc: ImpactOscillator, **limits: Any) -> _E
 
 
 def _by_states(section: xr.Dataset, system: ImpactSystem, **limits: Any) -> _Evidence:
-    """Return what names a motion of which a section holds a part: what does not repeat, or rests, is computed again."""
+    """Return the numbers that name a system's motion; if it does not repeat, or rests, it is computed once more."""
     status, period, keep = Status(int(section["status"])), system.period, 0
     n, p, growth = *system_cycle(section, period, **limits), 0.0
     if status.has_indices and (not n or section.sizes["stick"]):
@@ -135,7 +140,7 @@ def _by_states(section: xr.Dataset, system: ImpactSystem, **limits: Any) -> _Evi
 
 
 def system_cycle(section: xr.Dataset, period: float, **limits: Any) -> tuple[int, int]:
-    """Return after how many driving periods and impacts the impacts of a system repeat, stop by stop, or 0 and 0."""
+    """Return the driving periods and impacts after which the impacts of a system repeat, stop by stop, or 0 and 0."""
     speed, phase, time, stop = (section[name].values for name in ("velocity", "phase", "time", "stop"))
     p = cycle_length(speed, phase, np.unique(stop, return_inverse=True)[1].astype(float), **limits)
     n = _whole_periods(time, p, period) if p else 0
@@ -143,18 +148,19 @@ def system_cycle(section: xr.Dataset, period: float, **limits: Any) -> tuple[int
 
 
 def _whole_periods(time: Floats, p: int, period: float) -> int:
-    """Return in how many driving periods p impacts repeat, by those of the second half; 0 where it is not the same."""
+    """Return the driving periods that p impacts take in the second half; 0 if they are not always the same number."""
     settled = time[min(len(time) // 2, len(time) - p - 1) :]
     waits = np.rint((settled[p:] - settled[:-p]) / period)
     return int(waits[0]) if (waits == waits[0]).all() else 0
 
 
 def recurrence(*columns: NDArray[Any], tolerance: float = 1e-6, longest: int = 64) -> int:
-    """Return the fewest samples after which all columns, or else their second halves, repeat; 0 if they do not.
+    """Return the fewest samples after which all columns, or their second halves, repeat; 0 if they do not.
 
-    Each cycle must be the last one within `tolerance`, relative to a column's largest modulus, and so by its root
-    nearer than after fewer samples: a motion that still drifts, or turns from one side to the other, has no cycle yet.
-    Phases are given as points exp(2 pi i phase). No cycle longer than half of the samples is found.
+    Each cycle must equal the last one within `tolerance`, relative to a column's largest modulus. It must also be
+    closer than after any smaller number of samples, by a factor of sqrt(`tolerance`): a motion that still drifts, or
+    alternates between two sides, has no cycle yet. Phases are given as points exp(2 pi i phase). Cycles longer than
+    half of the samples are not found.
     """
     settled = [column[len(column) // 2 :] for column in columns]
     return _repeats(columns, tolerance, longest) or _repeats(settled, tolerance, longest)
@@ -172,14 +178,14 @@ def _repeats(columns: Sequence[NDArray[Any]], tolerance: float, longest: int) ->
 
 
 def _apart(column: NDArray[Any], p: int) -> float:
-    """Return the distance of cycles of p samples from the last one, at most."""
+    """Return the largest distance of cycles of p samples from the last one."""
     return float(np.abs(column[len(column) % p :].reshape(-1, p) - column[-p:]).max())
 
 
 def cycle_length(velocity: Floats, phase: Floats, *stops: Floats, **limits: Any) -> int:
-    """Return the fewest impacts after which velocities and phases, and numbers of stops if given, repeat, or 0.
+    """Return the fewest impacts after which velocities and phases (and numbers of stops, if given) repeat, or 0.
 
-    Limits are those of `recurrence`.
+    `limits` are those of `recurrence`.
     """
     return recurrence(velocity, np.exp(2j * np.pi * phase), *stops, **limits)
 
@@ -191,7 +197,7 @@ def _check(section: xr.Dataset, tolerance: float, longest: int) -> None:
     if missing or not {"oscillator", "system"} & set(section.attrs):
         raise ValueError(
             f"`section` must be an impact section; it holds no {min(missing, default='oscillator')!r}; "
-            "give what `impact_section` returned"
+            "give the result of `impact_section`"
         )
     if real_number("tolerance", tolerance) <= 0.0:
         raise invalid("tolerance", tolerance, "a number > 0", "1e-6 is usual")
@@ -201,7 +207,7 @@ def _check(section: xr.Dataset, tolerance: float, longest: int) -> None:
 def _between_releases(time: Floats, releases: Floats, osc: ImpactOscillator) -> tuple[int, int, NDArray[np.bool_]]:
     """Return n, p, and which impacts belong to the last cycle between releases."""
     waits = np.rint(np.diff(releases) / osc.period)
-    lengths = range(1, max(2, len(waits) // 2 + 1))  # a single wait is a cycle: a stick erases all memory
+    lengths = range(1, max(2, len(waits) // 2 + 1))  # a single wait is a cycle: a rest at the stop erases all memory
     q = next((q for q in lengths if (waits[q:] == waits[:-q]).all()), 0)
     if not q:
         return 0, -1, np.zeros(len(time), dtype=bool)

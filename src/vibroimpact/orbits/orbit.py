@@ -16,6 +16,7 @@ from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING, objection
 from vibroimpact.orbits.equations import SAME, TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
 from vibroimpact.parameters import invalid
+from vibroimpact.showing import MOST, Shown, Table
 
 
 class Rest(NamedTuple):
@@ -26,9 +27,9 @@ class Rest(NamedTuple):
     end: float
 
 
-@dataclass(frozen=True)
-class Orbit:
-    """A period-n impact-p motion, stable or not, of one oscillator; base of those of systems.
+@dataclass(frozen=True, repr=False)
+class Orbit(Shown):
+    """A period-n impact-p orbit, stable or not, of one oscillator; base of those of systems.
 
     Parameters
     ----------
@@ -132,8 +133,12 @@ class Orbit:
 
     @property
     def stable(self) -> bool:
-        """Whether perturbations decay: all multipliers lie inside the unit circle, by more than rounding."""
-        return self.spectral_radius < 1.0 - ROUNDING
+        """Whether motions nearby settle to it: it is admissible, and all multipliers lie inside the unit circle.
+
+        They do so by more than rounding. An inadmissible orbit is no motion, and never stable; its multipliers are
+        those of the equations.
+        """
+        return self.admissible and self.spectral_radius < 1.0 - ROUNDING
 
     @property
     def period(self) -> float:
@@ -150,6 +155,40 @@ class Orbit:
     def name(self) -> str:
         """The motion in two or three words."""
         return cycle_name(self.n_periods, self.n_impacts, self.sticks)
+
+    @property
+    def _kind(self) -> str:
+        """Whether it attracts, repels, or is no motion, in a word."""
+        return "stable" if self.stable else "unstable" if self.admissible else "inadmissible"
+
+    def _columns(self) -> dict[str, Sequence[Any]]:
+        """Return what is known of its impacts, by the heads of a table's columns."""
+        return {"phase": self.phases, "impact velocity [m/s]": self.velocities}
+
+    def _table(self) -> Table:
+        columns = self._columns()
+        notes = [f"largest multiplier {self.spectral_radius:.4g} in size"]
+        notes += [
+            f"at rest at {rest.stop} from phase {rest.begin % 1.0:.4g} for "
+            f"{(rest.end - rest.begin) * self.oscillator.period:.4g} s"
+            for rest in self.rests[:MOST]
+        ]
+        return Table(
+            f"{self.name}, {self._kind}, repeats every {self.period:.4g} s",
+            ["impact", *columns],
+            [(at, *row) for at, row in enumerate(zip(*columns.values(), strict=True), start=1)],
+            [*([self.message] if self.message else []), *notes],
+        )
+
+    def _row(self) -> dict[str, Any]:
+        """Return what a list of orbits shows of it, by the heads of a table's columns."""
+        return {
+            "orbit": self.name,
+            "": self._kind,
+            "hardest impact [m/s]": max(self.velocities, default=0.0),
+            "repeats every [s]": self.period,
+            "largest multiplier": self.spectral_radius,
+        }
 
     def motion(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return displacements, velocities and accelerations at times in s, each of shape (times, coordinates).

@@ -10,6 +10,7 @@ from vibroimpact.model import State
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.parameters import choice, counted, invalid, several
+from vibroimpact.showing import Table, written
 
 IMPACTS = 1000  # in a cycle, at most: the equations grow as its square
 
@@ -33,6 +34,19 @@ class Orbits(list[Kind], Generic[Kind]):
         super().__init__(orbits)
         self.outcome = outcome
         self.message = message
+
+    @property
+    def sentence(self) -> str:
+        """How the search ended and how many orbits it found."""
+        name = self[0].name if self else ""  # type: ignore[attr-defined]
+        if self.outcome == "inadmissible":
+            return f"no admissible {name} orbit: the equations have {len(self)}"
+        return self.message or counted(len(self), f"{name} orbit")
+
+    def _repr_html_(self) -> str:
+        orbits: list[Any] = list(self)
+        rows = [orbit._row() for orbit in orbits]
+        return written(Table(self.sentence, [*rows[0]] if rows else (), [[*row.values()] for row in rows]))
 
 
 @dataclass(frozen=True)
@@ -85,7 +99,7 @@ def numbers_of(stops: Any, names: tuple[str, ...]) -> tuple[int, ...]:
 
 
 def ordered(orbits: Iterable[Orbit]) -> Orbits[Any]:
-    """Return orbits of one type, stable ones first, then admissible ones, then hard ones, and what they are."""
+    """Return orbits of one type, stable ones first, then unstable, then inadmissible ones, and what they are."""
     ranked = sorted(orbits, key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)))
     admissible = sum(orbit.admissible for orbit in ranked)
     if not admissible:

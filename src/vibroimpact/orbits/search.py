@@ -55,8 +55,8 @@ def find_orbit(
     Orbits
         A list of `Orbit`, stable ones first, each from its hardest impact on, for systems of `SystemOrbit`, from the
         first of `stops` on; with `outcome` and `message`. With one impact, or with `near`, it includes inadmissible
-        orbits (they penetrate the stop), whose `message` gives the reason; otherwise only admissible ones. Without
-        `stops`, the messages of those stops that no orbit strikes alone are joined.
+        orbits (they penetrate the stop), whose `message` gives the reason and which are never `stable`; otherwise only
+        admissible ones. Without `stops`, the messages of those stops that no orbit strikes alone are joined.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def find_orbit(
 
 
 def stable_orbits(model: Model, n_periods: int) -> list[Any]:
-    """Return the stable, admissible period-n impact-1 orbits of a model, the hardest first."""
+    """Return the stable period-n impact-1 orbits of a model, the hardest first."""
     osc = model.at()
     orbits = one_mass.stable_orbits(osc, n_periods) if osc.forgets else find_orbit(model, n_periods=n_periods)
-    return [orbit for orbit in orbits if orbit.stable and orbit.admissible]
+    return [orbit for orbit in orbits if orbit.stable]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import cycle
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,8 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
-from vibroimpact.motion import motion_along
+from vibroimpact.motion import WITHOUT, listed, motion_along
 from vibroimpact.plotting import labels, style
+from vibroimpact.plotting.along import HALO, name_along
 from vibroimpact.plotting.cells import draw_cells
 from vibroimpact.plotting.diagrams import check_diagram, check_sweep, draw_samples, mark_empty, set_height
 from vibroimpact.plotting.style import BLUE, BOUNDARY_COLORS, DOTS, GREEN, INK, RED, Floats, on_axes
@@ -52,8 +52,6 @@ SPECIAL = {
     "neimark_sacker": Special("Neimark-Sacker", "NS", "v"),
     "pitchfork": Special("pitchfork", "P", "P"),
 }
-DASHES: dict[int, Any] = {1: "solid", 2: (0, (5, 2)), 3: (0, (2, 1.5))}  # by n_periods
-MORE_PERIODS = (0, (1, 1))
 
 
 def _datasets(argument: str, value: Any, variable: str, allowed: str, makers: str) -> list[xr.Dataset]:
@@ -128,7 +126,7 @@ def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | 
     heights = _draw_beneath(ax, drawn, diagram, parameter)
     entries = ax.get_legend_handles_labels()[0]
     names = [motion_along(branch) for branch in drawn]
-    colors = dict(zip(dict.fromkeys(names), cycle(COLORS)))
+    colors = {name: style.color_at(COLORS, at) for at, name in enumerate(dict.fromkeys(names))}
     looks: set[int] = set()
     in_view = [heights]
     for branch, name in zip(drawn, names, strict=True):
@@ -197,10 +195,9 @@ def _draw_special(ax: Axes, drawn: list[xr.Dataset]) -> list[Line2D]:
         ax.plot(np.full(len(speeds), value), speeds, **look)
         entries[kind] = Line2D([], [], label=f"{special.letters}: {special.name}", **look)
         names.append((value, float(speeds.max()), special.letters))
-    halo = [withStroke(linewidth=2.4, foreground="white")]
     for value, height, letters in _merged(ax, names):
         ax.annotate(letters, (value, height), (3, 6), textcoords="offset points", fontsize=9, color=INK,
-                    path_effects=halo, zorder=6, annotation_clip=True)  # fmt: skip
+                    path_effects=[HALO], zorder=6, annotation_clip=True)  # fmt: skip
     return [entries[kind] for kind in SPECIAL if kind in entries]
 
 
@@ -254,9 +251,10 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
 
     Notes
     -----
-    The colour shows the kind, the dashes the driving periods in a cycle. Without `sweep` the first parameter of the
-    curves lies along x, unless `ax` is labelled the other way round; axes that show the plane already keep their limits
-    and their legend. Between its points a curve is drawn straight.
+    The colour shows the kind, the dashes the driving periods in a cycle: solid for 1, dashed for 2, and a dot more for
+    each further one. On each curve with room for it stands its type, p1 i2 for period-1 impact-2. Without `sweep` the
+    first parameter of the curves lies along x, unless `ax` is labelled the other way round; axes that show the plane
+    already keep their limits and their legend. Between its points a curve is drawn straight.
 
     Examples
     --------
@@ -280,14 +278,46 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
     x, y = _order(ax, drawn[0], plane)
     labelled = bool(ax.get_xlabel())
     limits = ax.get_xlim(), ax.get_ylim()
-    entries = {str(line.get_label()): line for line in (_draw_curve(ax, curve, x, y) for curve in drawn)}
+    lines = [_draw_curve(ax, curve, x, y) for curve in drawn]
     if labelled:
         ax.set(xlim=limits[0], ylim=limits[1])
     else:
         labels.label_axes(ax, drawn[0][x], drawn[0][y])
-    ordered = sorted(entries, key=lambda text: text.partition(" of ")[::-1])  # by orbit, then by kind
-    style.legend_added(ax, [*below, *(entries[text] for text in ordered)])
+    style.legend_added(ax, [*below, *_entries(drawn, lines)])
+    name_along(ax, zip(lines, map(_type_of, drawn), strict=True))
     return ax
+
+
+def _entries(drawn: list[xr.Dataset], lines: list[Line2D]) -> Iterator[Line2D]:
+    """Yield the entries of a legend, one per look, by periods and then by kind, labelled with all motions that have it.
+
+    Curves of a kind that differ in their impacts alone look alike: the text on each tells which it is.
+    """
+    looks: dict[tuple[int, str], list[tuple[str, Line2D]]] = {}
+    for curve, line in zip(drawn, lines, strict=True):
+        (kind,) = _kinds(curve["kind"])
+        motion = motion_along(curve, kind == "end_of_sticking")
+        looks.setdefault((int(curve.attrs["n_periods"]), kind), []).append((motion, line))
+    for (n, kind), curves in sorted(looks.items()):
+        motions = sorted({motion for motion, _ in curves})
+        same = f"period-{n} "
+        further = [motion.removeprefix(same) if motions[0].startswith(same) else motion for motion in motions[1:]]
+        line = curves[0][1]
+        line.set_label(f"{_name_of(kind)} of {listed([*motions[:1], *further])}")
+        yield line
+
+
+def _name_of(kind: str) -> str:
+    """Return a kind of boundary as it stands before the motion that it bounds."""
+    return "end" if kind == "end_of_sticking" else SPECIAL[kind].name
+
+
+def _type_of(curve: xr.Dataset) -> str:
+    """Return the motion that a curve bounds, as short as can be."""
+    n, p = (int(curve.attrs[name]) for name in ("n_periods", "n_impacts"))
+    if motion_along(curve) == WITHOUT:
+        return "no impact"
+    return f"p{n} i{p}" if p > 0 else f"p{n} sticking"
 
 
 def _check_plane(sweep: Any, plane: list[str]) -> None:
@@ -311,17 +341,22 @@ def _order(ax: Axes, curve: xr.Dataset, plane: list[str]) -> tuple[str, str]:
 
 
 def _draw_curve(ax: Axes, curve: xr.Dataset, x: str, y: str) -> Line2D:
-    """Draw one curve and return it, labelled with its kind and its orbit."""
-    (kind,), n = _kinds(curve["kind"]), int(curve.attrs["n_periods"])
-    sticks, (color, halo) = kind == "end_of_sticking", BOUNDARY_COLORS[kind]
+    """Draw one curve and return it."""
+    (kind,) = _kinds(curve["kind"])
+    color, halo = BOUNDARY_COLORS[kind]
     (line,) = ax.plot(
         curve[x].values,
         curve[y].values,
         color=color,
         linewidth=1.7,
-        linestyle=DASHES.get(n, MORE_PERIODS),
+        linestyle=_dashes(int(curve.attrs["n_periods"])),
         path_effects=[withStroke(linewidth=3.1, foreground=halo)],
-        label=f"{'end' if sticks else SPECIAL[kind].name} of {motion_along(curve, sticks)}",
+        label="_",
         zorder=5,
     )
     return line
+
+
+def _dashes(n_periods: int) -> Any:
+    """Return the dashes of curves of that many driving periods: a dash, and a dot for each period beyond two."""
+    return "solid" if n_periods == 1 else (0, (3.0, 1.2, *(0.7, 1.1) * (n_periods - 2)))

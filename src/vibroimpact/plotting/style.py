@@ -13,6 +13,7 @@ import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.colors import hsv_to_rgb, to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import ScaledTranslation
@@ -50,6 +51,18 @@ STATUS_COLORS: dict[Status, str] = {
     Status.INTERRUPTED: "#f2a7a0",
     Status.INVALID_RESTITUTION: "#8a2f6b",
 }
+
+GOLDEN = 0.6180339887  # of a turn: hues that far apart fill the circle evenly, however many there are
+
+
+def color_at(palette: Sequence[str], at: int) -> str:
+    """Return the colour number `at` of a palette, and beyond its end one that is not in it."""
+    if at < len(palette):
+        return palette[at]
+    further = at - len(palette)
+    red, green, blue = hsv_to_rgb((GOLDEN * further % 1.0, *((0.95, 0.5), (0.55, 0.85), (0.9, 0.75))[further % 3]))
+    return to_hex((red, green, blue))
+
 
 STYLE: Any = {
     "axes.axisbelow": True,

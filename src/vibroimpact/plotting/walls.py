@@ -22,7 +22,7 @@ ROOM = 0.12  # of the span: what is seen behind a wall
 
 def color_of(model: Any, name: str) -> str:
     """Return the colour of the impacts on a stop."""
-    return STOPS[model.stop_names.index(name) % len(STOPS)]
+    return style.color_at(STOPS, model.stop_names.index(name))
 
 
 def caption_of(model: Any, name: str) -> str:

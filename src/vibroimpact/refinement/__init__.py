@@ -1,4 +1,4 @@
-"""Fine pictures at the cost of their boundaries: maps computed finely where motions change, filled in elsewhere."""
+"""Fine maps at the cost of their boundaries: computed where motions change, and filled in elsewhere."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def refine_map(
     request = refined(coarse, refine, jump)
     check_place(request, workers, cluster, tile)
     if tile is not None and cluster is None:
-        raise ValueError("with `refine`, `tile` goes with `cluster` only; leave it out")
+        raise ValueError("with `refine`, `tile` needs a `cluster`; leave it out")
     with reporter(progress, "cells") as report, ExitStack() as stack:
         stored, writer = None, None
         if store is not None:
@@ -75,19 +75,19 @@ def refine_map(
 def _filled_in(coarse: tuple[int, ...], complete: bool) -> str:
     """Return the values of cells that were not computed, and what these may hide."""
     if not complete:
-        return "stopped early: the other cells hold the motion of the nearest ones, also where that is no impact"
+        return "stopped early: the other cells hold the motion of the nearest ones, even if that is no impact"
     grid = " x ".join(map(str, coarse))
     return (
-        "every cell without impacts was computed; the others hold the motion of their neighbours, so that islands of "
+        "all cells without impacts were computed; the others hold the motion of their neighbours, so islands of "
         f"another motion between the points of the given {grid} grid may be missing"
     )
 
 
 def refined(coarse: Request, refine: int, jump: float | None) -> Request:
-    """Return the request of the fine grid; what refines it is part of its identity."""
+    """Return the request of the fine grid; the refinement is part of its identity."""
     levels = whole_number("refine", refine, 1)
     if levels > DEEPEST:
-        raise invalid("refine", refine, f"between 1 and {DEEPEST}", "give a finer grid to begin with")
+        raise invalid("refine", refine, f"between 1 and {DEEPEST}", "give a finer grid instead")
     allowed = "None or a number above 0 and up to 1"
     part = None if jump is None else real_number("jump", jump, allowed)
     if part is not None and not 0.0 < part <= 1.0:
@@ -100,11 +100,12 @@ def refined(coarse: Request, refine: int, jump: float | None) -> Request:
 
 
 class Batches:
-    """Computes batches of cells of the fine grid into the picture; takes from a store what it holds and keeps the rest.
+    """Computes batches of cells of the fine grid into the picture, using and filling a store if there is one.
 
-    In the lists of a store every batch begins a tile, so that the place of a cell follows from the request alone.
-    Impacts and steps are counted in the attributes of `dataset`, the picture as a map; `report` gets cells computed,
-    cells known to be needed, and the dataset. A `tile` of None is what suits the place; `writer` is that of the store.
+    In the lists of a store, every batch begins a new tile, so that the place of a cell follows from the request alone.
+    Impacts and steps are counted in the attributes of `dataset`, the picture as a map; `report` gets the number of
+    cells computed, the number known to be needed, and the dataset. If `tile` is None, the place chooses the size of
+    parts; `writer` writes to the store.
     """
 
     def __init__(
@@ -141,7 +142,7 @@ class Batches:
         return not waiting and not self.stop.is_set()
 
     def _recalled(self, number: int, cells: Places, level: int) -> bool:
-        """Whether a chunk is in the store, for these cells and undamaged, and has been taken from there."""
+        """Return whether an undamaged chunk of these cells is in the store, after taking it from there."""
         if self.store is None or self.writer is None or not self.writer.is_done(number):
             return False
         with suppress(OSError):  # damaged since the store was opened: computed again
@@ -153,7 +154,7 @@ class Batches:
         return False
 
     def _compute(self, waiting: dict[int, Places], size: int, level: int) -> None:
-        """Compute chunks by their numbers, in parts of so many cells; take those that have ended from `waiting`."""
+        """Compute chunks by number, in parts of `size` cells; remove those that have ended from `waiting`."""
         gathered, began = Gathered(), perf_counter()
         owners = [(number, low) for number, cells in waiting.items() for low in range(0, len(cells), size)]
         parts = [waiting[number][low : low + size] for number, low in owners]
@@ -166,7 +167,7 @@ class Batches:
                 chunk = gathered.add(number, len(waiting[number]), ended, outcome)
                 if chunk is not None:
                     cells = waiting.pop(number)
-                    if self.writer and number < len(self.writer.tiling):  # more batches are not kept
+                    if self.writer and number < len(self.writer.tiling):  # further batches are not kept
                         self.writer.write(number, chunk | {"cell": cells}, perf_counter() - began)
                         began = perf_counter()
                 self._report_progress()
@@ -182,14 +183,14 @@ class Batches:
 
 
 def to_uniform(plane: xr.Dataset, *, shape: tuple[int, int] | None = None) -> xr.Dataset:
-    """Return a refined map on evenly spaced axes, each cell that of the nearest one of the fine grid.
+    """Return a refined map on evenly spaced axes; each cell takes the value of the nearest cell of the fine grid.
 
     Parameters
     ----------
     plane : xarray.Dataset
-        What `refined_map` returned.
+        The result of `refined_map`.
     shape : pair of int, >= 2, optional
-        Cells along each axis; None keeps their number.
+        Cells along each axis; None keeps the numbers of the fine grid.
 
     Returns
     -------
@@ -211,7 +212,7 @@ def to_uniform(plane: xr.Dataset, *, shape: tuple[int, int] | None = None) -> xr
     import xarray as xr
 
     if not isinstance(plane, xr.Dataset) or "level" not in plane or len(plane["level"].dims) != 2:
-        raise ValueError(f"`plane` must be what `refined_map` returned, got a {type(plane).__name__} without levels")
+        raise ValueError(f"`plane` must be a result of `refined_map`, got a {type(plane).__name__} without levels")
     dims = [str(dim) for dim in plane["level"].dims]
     sizes = plane["level"].shape if shape is None else several("shape", shape, "a pair of whole numbers")
     if len(sizes) != 2:
@@ -227,10 +228,10 @@ def to_uniform(plane: xr.Dataset, *, shape: tuple[int, int] | None = None) -> xr
 def _check_plane(request: Request) -> None:
     if request.scattered or request.n_starts:
         raise ValueError(
-            "`refine` goes with a grid from one initial condition; leave out `points`, and give one `start` or none"
+            "`refine` needs a grid and one initial condition; leave out `points`, and give one `start` or none"
         )
     if len(request.axes) != 2:
-        raise ValueError(f"`refine` needs two axes, got {len(request.axes)}; leave it out for other numbers of axes")
+        raise ValueError(f"`refine` needs two axes, got {len(request.axes)}; leave it out otherwise")
     for name, values in request.axes.items():
         if len(values) < 2:
-            raise ValueError(f"`{name}` must have two or more values with `refine`, got 1; give its ends at least")
+            raise ValueError(f"`{name}` must have at least two values with `refine`, got 1; give at least both ends")

@@ -1,4 +1,4 @@
-"""The fine grid as far as it is known, and the order in which it is computed: ever finer where motions change."""
+"""The fine grid as far as it is known, and the order in which it is computed: finer and finer where motions change."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from vibroimpact.request import Places
 from vibroimpact.status import Status
 
 FILLED = -1  # the level of a cell that was not computed
-KINDS = 8  # by which a motion's code counts: its class is the rest
+KINDS = 8  # a motion code modulo this is its class; the quotient is its n and p
 BAND = 256  # rows filled at a time, to save memory
 Arrays = Mapping[str, NDArray[Any]]
 Flags = NDArray[np.bool_]
 # Computes cells and puts them into the picture at a level; returns whether all were computed.
 Compute = Callable[[Places, int], bool]
-# The difference of an index between neighbours beyond which a boundary lies between them.
+# The difference of an index between neighbours above which a boundary lies between them.
 Jumps = Mapping[str, float]
 
 
 class Picture:
-    """Indices, status, name of the motion and level of every cell of the fine grid.
+    """Indices, status, motion code and level of every cell of the fine grid.
 
-    `sample_impacts` are those sampled in each cell, by which chaos is recognised, and motions of `several` coordinates
-    that are quasi-periodic.
+    `sample_impacts` is the number sampled in each cell, which decides chaos and, for motions of `several` coordinates,
+    quasi-periodicity.
     """
 
     def __init__(
@@ -47,17 +47,17 @@ class Picture:
         return int(np.count_nonzero(self.level >= 0))
 
     def put(self, at: Places, result: Arrays, level: int) -> None:
-        """Write computed cells down."""
+        """Write computed cells into the picture."""
         for name, values in self.values.items():
             values.ravel()[at] = result[name]
         self.motion.ravel()[at] = motion_codes(result, self.sample_impacts, self.several)
         self.level.ravel()[at] = level
 
     def fill(self, step: int) -> None:
-        """Guess the cells of the lattice of `step` from that of twice the step.
+        """Estimate the cells of the lattice of `step` from those of twice the step.
 
         Between two cells of the same motion an index is their mean, so that it is bilinear in a square of one motion;
-        elsewhere the first of the two speaks for both.
+        otherwise the first of the two cells is copied.
         """
         coarse, fine = slice(None, None, 2 * step), slice(None, None, step)
         self._fill_between((slice(0, None, 2 * step), coarse), (slice(step, None, 2 * step), coarse), 0)
@@ -83,17 +83,17 @@ def _neighbours(field: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[A
 
 
 def motion_codes(result: Arrays, sample_impacts: int, several: bool = False) -> NDArray[np.uint32]:
-    """Return one number per cell for its class, of one or `several` coordinates, and its n and p if it is periodic."""
+    """Return one number per cell for its class, for one or `several` coordinates, and its n and p if it is periodic."""
     periods, impacts = (np.asarray(result[name], np.int64) for name in ("n_periods", "n_impacts"))
     growth = sample_impacts * result["lyapunov_per_impact"]
     kind = stored(decide(result["status"], growth, periods, impacts, sample_impacts * several)).astype(np.uint32)
-    name = np.where(kind == MotionClass.PERIODIC, periods * 8192 + impacts, 0)  # impacts of a cycle are at most 4096
+    name = np.where(kind == MotionClass.PERIODIC, periods * 8192 + impacts, 0)  # a cycle has at most 4096 impacts
     codes: NDArray[np.uint32] = (kind + KINDS * name).astype(np.uint32)
     return codes
 
 
 def finer(values: Floats, levels: int) -> Floats:
-    """Return an axis whose every interval is cut into 2^levels equal ones; its own values stay as they are.
+    """Return an axis with every interval cut into 2^levels equal ones; the given values stay as they are.
 
     Examples
     --------
@@ -109,22 +109,22 @@ def finer(values: Floats, levels: int) -> Floats:
 def refine_picture(picture: Picture, levels: int, jump: float | None, compute: Compute) -> bool:
     """Compute and fill the picture, a coarse lattice first; return whether it is complete.
 
-    Where a cell would be filled in as one without impacts it is computed: that costs little, and the worst thing to be
-    wrong about is a hit. Each batch follows from the ones before alone, so that a stopped run retraces its steps.
+    A cell that would be filled in as having no impacts is computed: that costs little, and missing an impact is the
+    worst error. Each batch depends only on the ones before, so that a stopped run repeats the same steps.
     """
     step = 1 << levels
     everywhere = np.ones([side - 1 for side in picture.level[::step, ::step].shape], bool)
     going = compute(_unknown(picture, step, everywhere, 1), 0)
     jumps = {} if jump is None else _jumps(picture, step, jump)
     for level in range(1, levels + 1):
-        # No margin around mixed squares: the boundaries that slip between samples are found below, at less cost.
+        # No margin around mixed squares: boundaries that slip between samples are found below, at less cost.
         mixed = _mixed_squares(picture, step, jumps)
         step //= 2
         picture.fill(step)
         batch = _unknown(picture, step, mixed, 2) if going else None
         while batch is not None and len(batch):
             going = compute(batch, level)
-            # what was filled in but turns out to lie beside a boundary
+            # cells that were filled in but turn out to lie next to a boundary
             batch = _unknown(picture, step, _mixed_squares(picture, step, jumps), 1) if going else None
     return going
 
@@ -132,8 +132,8 @@ def refine_picture(picture: Picture, levels: int, jump: float | None, compute: C
 def _unknown(picture: Picture, step: int, squares: Flags, cuts: int) -> Places:
     """Return the cells of the lattice of `step` that must be computed and are not yet.
 
-    They are those in or on marked squares of sides `cuts` steps, and those that would be filled in as without impacts.
-    They come as flat indices of the fine grid, in ascending order.
+    They are those in or on marked squares of `cuts` steps per side, and those that would be filled in as having no
+    impacts. They are flat indices of the fine grid, ascending.
     """
     rows, columns = (cuts * side for side in squares.shape)
     points: Flags = picture.motion[::step, ::step] % KINDS == MotionClass.NO_IMPACT
@@ -148,7 +148,7 @@ def _unknown(picture: Picture, step: int, squares: Flags, cuts: int) -> Places:
 
 
 def _quads(field: NDArray[Any]) -> tuple[NDArray[Any], ...]:
-    """Return the four corners of every square of neighbours of a lattice."""
+    """Return the four corners of every square of a lattice."""
     return field[:-1, :-1], field[1:, :-1], field[:-1, 1:], field[1:, 1:]
 
 
@@ -160,13 +160,13 @@ def _mixed_squares(picture: Picture, step: int, jumps: Jumps) -> Flags:
         mixed |= first != other
     for name, most in jumps.items():
         corners = _quads(picture.values[name][::step, ::step])
-        with np.errstate(invalid="ignore"):  # no value is no boundary: the class shows it
+        with np.errstate(invalid="ignore"):  # a missing value is not a boundary: the class shows it
             mixed |= np.max(corners, axis=0) - np.min(corners, axis=0) > most
     return mixed
 
 
 def _jumps(picture: Picture, step: int, jump: float) -> Jumps:
-    """Return the differences that count as a jump: this part of an index's range over the coarse lattice."""
+    """Return the differences that count as a jump: this fraction of an index's range over the coarse lattice."""
     limits = {}
     for name, values in picture.values.items():
         if name not in NAMING and values.dtype == np.float64:

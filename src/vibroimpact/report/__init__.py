@@ -121,11 +121,11 @@ def _orbits(dataset: xr.Dataset) -> Iterator[str]:
     yield dataset.attrs["message"]
     for at, reason in enumerate(json.loads(dataset.attrs["messages"])):
         orbit = dataset.isel(orbit=at)
-        stable = "stable" if bool(orbit["stable"]) else "unstable"
+        kind = "inadmissible" if reason else "stable" if bool(orbit["stable"]) else "unstable"
         length = int(orbit["n_periods"]) * period
-        yield f"{at + 1}. {_orbit_type(orbit)}, {stable}, repeats every {length:.6g} s"
+        yield f"{at + 1}. {_orbit_type(orbit)}, {kind}, repeats every {length:.6g} s"
         if reason:
-            yield f"   inadmissible: {reason}"
+            yield f"   {reason}"
         yield from _cycle_of_impacts(orbit)
         if float(orbit.get("stuck_time", 0.0)) > 0.0:
             rest, release, stuck = (float(orbit[key]) for key in ("stick_phase", "release_phase", "stuck_time"))

@@ -23,13 +23,13 @@ from vibroimpact.status import Status
 if TYPE_CHECKING:
     import xarray as xr
 
-MOTIONS = 8  # listed of a map, at most
-INTERVALS = 12  # listed of a diagram, at most
+MOTIONS = 8  # the most that are listed for a map
+INTERVALS = 12  # the most that are listed for a diagram
 CHATTER = 1e-6  # of the hardest impact: softer ones only show where a chatter was cut off
 
 
 def map_sentences(dataset: xr.Dataset) -> Iterator[str]:
-    """Yield what a map, or what `classify` made of it, holds: ranges of indices, its motions, and how they ended."""
+    """Yield the content of a map, or of its `classify` result: ranges of indices, motions, and how they ended."""
     several = dataset.sizes.get("start", 1)
     dims = [str(dim) for dim in dataset["status"].dims if dim != "start"]
     axes = [str(name) for dim in dims for name, axis in dataset.coords.items() if axis.dims == (dim,)]
@@ -59,7 +59,7 @@ def map_sentences(dataset: xr.Dataset) -> Iterator[str]:
 
 
 def hits_of(dataset: xr.Dataset) -> Iterator[str]:
-    """Yield in how many cells of a map impacts go on from the first initial condition, and from others alone."""
+    """Yield the numbers of cells with lasting impacts from the first initial condition, and only from others."""
     field = dataset["status"].transpose("start", ...)
     if (field == Status.INTERRUPTED).any():
         return
@@ -70,17 +70,17 @@ def hits_of(dataset: xr.Dataset) -> Iterator[str]:
     at_rest = isinstance(start, int) or (isinstance(start, list) and start[:1] == [None])
     origin = "rest" if at_rest else "the first initial condition"
     yield (
-        f"impacts go on from {origin} in {first.sum():,} of {first.size:,} cells ({100 * first.mean():.3g} %); in "
+        f"impacts persist from {origin} in {first.sum():,} of {first.size:,} cells ({100 * first.mean():.3g} %); in "
         f"{others.sum():,} more ({100 * others.mean():.3g} %) only from others of the {len(field)} initial conditions"
     )
 
 
 def _index(field: xr.DataArray, axes: list[str], scale: float) -> str:
-    """Return range and largest value of an index, and how often it is infinite; `scale` is that of velocities.
+    """Return the range and the largest value of an index, and how often it is infinite; `scale` is that of velocities.
 
-    For several initial conditions the range is that of the largest value in each cell.
+    For several initial conditions, the range is that of the largest value in each cell.
     """
-    rounding = ROUNDING * spread_scale(str(field.name), scale)  # the spread of a cycle is nothing else
+    rounding = ROUNDING * spread_scale(str(field.name), scale)  # a smaller spread is that of a cycle
     field = field.where(~(np.abs(field) <= rounding), 0.0).assign_attrs(field.attrs)
     head = f"{field.attrs['long_name']} ({field.name})"
     values = field.where(np.isfinite(field)).assign_attrs(field.attrs)
@@ -115,13 +115,13 @@ def _motions(classes: xr.Dataset) -> Iterator[str]:
 
 
 def diagram_sentences(dataset: xr.Dataset) -> Iterator[str]:
-    """Yield what a diagram holds: ranges of its samples, and the motions along its axis."""
+    """Yield the content of a diagram: ranges of its samples, and the motions along its axis."""
     axis = str(dataset["status"].dims[0])
     values = dataset[axis].values
     direction = json.loads(dataset.attrs.get("arguments", "{}")).get("direction", "fresh")
     start = initial_condition(dataset, ", each from ")
     if direction != "fresh":
-        start = initial_condition(dataset, f", going {direction} from ", ", then each from where its neighbour ended")
+        start = initial_condition(dataset, f", going {direction} from ", ", then each next one from the last state")
     yield f"{counted(len(values), 'value')} of {axis_range(dataset, axis)}{start}"
     for name in ("displacement", "velocity"):
         if name in dataset and np.isfinite(dataset[name]).any():
@@ -137,7 +137,7 @@ def diagram_sentences(dataset: xr.Dataset) -> Iterator[str]:
 
 
 def _sample_range(samples: xr.DataArray, axis: str) -> Iterator[str]:
-    """Yield the range of the samples; for impact velocities also where the largest is."""
+    """Yield the range of the samples; for impact velocities, also the place of the largest."""
     head = samples.attrs["long_name"]
     if samples.name != "velocity" or "impact" not in samples.dims:
         yield f"{head} {span(samples)}"
@@ -172,12 +172,12 @@ def _motion_at(row: xr.Dataset, axis: str) -> str:
 
 
 def _growth(row: xr.Dataset, axis: str, samples: Mapping[str, NDArray[np.float64]]) -> float:
-    """Return ln of the growth of perturbations over the sample; NaN where no index gives it."""
+    """Return ln of the growth of perturbations over the sample; NaN if no index gives it."""
     if "lyapunov_per_impact" in row and "phase" in samples:
         return float(row["lyapunov_per_impact"]) * int(row["count"])
     osc = model_of(row)
     if "lyapunov" not in row or axis not in osc.parameters:
         return math.nan
-    # A phase that falls from one impact to the next shows that a driving period began between them.
+    # A phase that decreases from one impact to the next shows that a driving period began between them.
     periods = int((np.diff(samples["phase"]) < 0.0).sum()) if "phase" in samples else int(row["count"])
     return float(row["lyapunov"]) * osc.replace(**{axis: float(row[axis])}).period * periods

@@ -1,4 +1,4 @@
-"""Motions of systems in words: what strikes each stop, and whether the impacts repeat."""
+"""Motions of systems in words: the impacts on each stop, and whether they repeat."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from vibroimpact.model.system import ImpactSystem
 
 FEW = 4  # impacts of a cycle that are listed one by one
-STILL = 1e-9  # of the largest coordinate: one that moves less shows rounding
+STILL = 1e-9  # of the largest coordinate: a smaller motion is rounding
 
 
 def system_sentence(section: xr.Dataset, system: ImpactSystem) -> str:
-    """Return in a sentence whether the impacts of a system repeat, from its impact section."""
+    """Return a sentence on whether the impacts of a system repeat, from its impact section."""
     status, speed = Status(int(section["status"])), section["velocity"].values
     if not status.has_indices:
         return status.sentence
@@ -52,9 +52,9 @@ def _listed(speed: Any, cycle: Any, names: Any) -> str:
 
 
 def each_stop(dataset: xr.Dataset) -> Iterator[str]:
-    """Yield a line for each stop of a system's motion that is struck or closed, and how many impacts were several.
+    """Yield a line for each stop that is hit or closed in a system's motion, and the number of simultaneous impacts.
 
-    For compliant stops it holds the largest force, the longest contact and the deepest.
+    For compliant stops, the line holds the largest force, the longest contact and the deepest penetration.
     """
     simulated = "impact_stop" in dataset
     struck, speed = (dataset[f"impact_{name}" if simulated else name] for name in ("stop", "velocity"))
@@ -74,18 +74,18 @@ def each_stop(dataset: xr.Dataset) -> Iterator[str]:
             parts.append(f"closes {counted(rests, 'time')}")
         yield f"  {name}: {', '.join(parts)}"
     if "simultaneous" in dataset and (number := int(dataset["simultaneous"].sum())):
-        yield f"  {counted(number, 'impact')} with other stops struck at the same instant"
+        yield f"  {counted(number, 'impact')} simultaneous with others"
 
 
 def _contacts(impacts: xr.Dataset) -> Iterator[str]:
-    """Yield the largest force, the longest contact and the deepest of impacts on one stop, if it is compliant."""
-    most = {"peak_force": "force up to", "contact_time": "contacts of up to", "penetration": "pushed in by up to"}
+    """Yield the largest force, the longest contact and the deepest penetration of a compliant stop."""
+    most = {"peak_force": "force up to", "contact_time": "contacts of up to", "penetration": "penetration up to"}
     for name in (name for name in most if name in impacts and impacts[name].notnull().any()):
         yield f"{most[name]} {quantity(float(impacts[name].max()), impacts[name].attrs['units'], 4)}"
 
 
 def moving_columns(dataset: xr.Dataset) -> list[Any]:
-    """Return the displacements and velocities of a system by which its samples are compared: those that move."""
+    """Return the displacements and velocities of a system that move; its samples are compared by these."""
     columns: list[Any] = []
     for name in ("displacement", "velocity"):
         values = dataset[name].values

@@ -75,7 +75,7 @@ class LazyBranch:
         return following is not None
 
     def at(self, value: float) -> list[Any]:
-        """Return the stable, admissible orbits at a value, on the branch up to where it first passes that.
+        """Return the stable orbits at a value, on the branch up to where it first passes that.
 
         A branch that turns and comes back past its beginning is left: what is stable there is a present motion itself.
         """
@@ -83,7 +83,7 @@ class LazyBranch:
             pass
         pairs = pairwise(self.way.points if self.way else [])
         orbits = [self._crossing(a, b, value) for a, b in pairs if a.equations is b.equations]
-        return [orbit for orbit in orbits if orbit is not None and orbit.stable and orbit.admissible]
+        return [orbit for orbit in orbits if orbit is not None and orbit.stable]
 
     def _passes(self, value: float) -> bool:
         """Whether the branch has passed a value, or comes back past its beginning."""
@@ -112,7 +112,7 @@ class Branches(dict[tuple[int, str, int], LazyBranch]):
         return self[key]
 
     def at(self, orbits: Sequence[Any], varied: Range, value: float) -> list[Any]:
-        """Return the stable, admissible orbits on the branches of some at a value of a parameter."""
+        """Return the stable orbits on the branches of some at a value of a parameter."""
         reached: list[Any] = []
         for orbit in orbits:
             try:

@@ -13,19 +13,20 @@ from vibroimpact.model import Model, check_model
 from vibroimpact.motion import Motion
 from vibroimpact.options import Tolerances
 from vibroimpact.progress import Report, reporter
+from vibroimpact.showing import Shown, Table
 from vibroimpact.verdict.advice import Advice, advise
 from vibroimpact.verdict.boundaries import nearest_boundaries
 from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.edges import Edge
 from vibroimpact.verdict.present import Coexisting, Present, coexisting_motions, present_motion, step_limit
 from vibroimpact.verdict.ranges import Range, check_parameters, check_within, range_of
-from vibroimpact.verdict.text import verdict_lines
+from vibroimpact.verdict.text import verdict_facts, verdict_lines
 
 BESIDE = 3  # parts of the work besides one per parameter
 
 
-@dataclass(frozen=True)
-class Verdict:
+@dataclass(frozen=True, repr=False)
+class Verdict(Shown):
     """What `describe` found; `str()` gives it in words.
 
     Attributes
@@ -118,6 +119,10 @@ class Verdict:
 
     def __str__(self) -> str:
         return "\n".join(verdict_lines(self))
+
+    def _table(self) -> Table:
+        facts = [(title, "\n".join(lines)) for title, lines in verdict_facts(self) if lines]
+        return Table(f"from rest {self.motion.name}", ("", ""), facts)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain dictionaries, lists, numbers and text, ready for JSON: NaN as None, infinity as "-inf"."""

@@ -126,7 +126,7 @@ def stable_cycle(model: Model, n_periods: int, n_impacts: int, impacts: Impacts)
     orbits = [
         orbit
         for orbit in find_orbit(model, n_periods=n_periods, n_impacts=n_impacts, near=near)
-        if orbit.stable and orbit.admissible and same_orbit(orbit, last, tolerance=ALIKE)
+        if orbit.stable and same_orbit(orbit, last, tolerance=ALIKE)
     ]
     return min(orbits, key=partial(orbit_distance, last), default=None)
 

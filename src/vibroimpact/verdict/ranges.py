@@ -136,9 +136,11 @@ def _possible(varied: Range, direction: int) -> float:
 def check_parameters(model: Model, names: Iterable[str] | None) -> tuple[str, ...]:
     """Return the names of the parameters to vary, or say which there are."""
     if names is None:
-        return tuple(model.values)
+        return tuple(name for name in model.values if not model.parameters[name].whole)
     chosen = several("parameters", names, "a list of names")
     check_names(model.parameters, chosen)
+    if whole := [name for name in chosen if model.parameters[name].whole]:
+        raise invalid("parameters", chosen, "names of numbers that vary continuously", f"drop {whole[0]}")
     if len(set(chosen)) < len(chosen):
         raise invalid("parameters", chosen, "each parameter once", "drop the repeated one")
     return chosen

@@ -10,6 +10,7 @@ import math
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,8 +42,8 @@ _TIED = "\u00a0"
 Writer = Callable[["Verdict"], Iterator[str]]
 
 
-def verdict_lines(verdict: Verdict) -> Iterator[str]:
-    """Yield the lines of a verdict."""
+def verdict_facts(verdict: Verdict) -> Iterator[tuple[str, list[str]]]:
+    """Yield the titles of a verdict, each with its facts."""
     writers: dict[str, Writer] = {
         verdict.oscillator.kind: _model,
         "motion": _motion,
@@ -54,9 +55,23 @@ def verdict_lines(verdict: Verdict) -> Iterator[str]:
         "coexisting": _coexisting,
         "advice": _advice_lines,
     }
-    yield from _laid_out((title, writer(verdict)) for title, writer in writers.items())
+    for title, writer in writers.items():
+        yield title, list(writer(verdict))
+    if not verdict.complete:
+        yield "stopped", [_stopped(verdict)]
+
+
+def short_lines(verdict: Verdict) -> Iterator[str]:
+    """Yield a verdict in some five lines: the motion, the hardest hits of all motions, one piece of advice."""
+    writers: dict[str, Writer] = {"motion": _motion, "hardest": _hardest, "advice": _advice_lines}
+    yield from _laid_out((title, islice(writer(verdict), 1)) for title, writer in writers.items())
     if not verdict.complete:
         yield from _laid_out([("stopped", [_stopped(verdict)])])
+
+
+def verdict_lines(verdict: Verdict) -> Iterator[str]:
+    """Yield the lines of a verdict."""
+    yield from _laid_out(verdict_facts(verdict))
 
 
 def _laid_out(parts: Iterable[tuple[str, Iterable[str]]]) -> Iterator[str]:
@@ -171,6 +186,21 @@ def _clear_of(verdict: Verdict) -> str:
 
 
 # Its impacts
+
+
+def _hardest(verdict: Verdict) -> Iterator[str]:
+    """Yield the hardest hits of all motions that initial conditions settle to, and the share that leads there."""
+    if (worst := verdict.worst) is None:
+        return
+    least = worst.max_velocity / (1.0 + EQUAL)
+    equal = [each for each in verdict.attractors if each.reached and each.max_velocity >= least]
+    share = sum(each.share for each in equal)
+    place = f"from {percent(share)} of the initial conditions" if share else "from rest"
+    sampled = "" if worst.repeats else " of those sampled"
+    on = _on(worst.stop, not _is_one_mass(verdict.oscillator)) if worst.stop else ""
+    undecided = f"; {percent(verdict.undecided)} are undecided" if verdict.undecided else ""
+    names = listed(list(dict.fromkeys(each.name for each in equal)))
+    yield f"{speed(worst.max_velocity)}{on}{sampled}, {place} once settled: {names}{undecided}"
 
 
 def _hits(verdict: Verdict) -> Iterator[str]:

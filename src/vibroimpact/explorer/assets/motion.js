@@ -47,7 +47,7 @@ window.Motion = (() => {
           plot.marks(motion.hits, motion.hit_places, color);
         });
         if (motions[0]) plot.bars(motions[0].rest_begin, motions[0].rest_end, motions[0].rest_places, "#e0c800");
-        if (playing && !empty()) plot.rule("x", now(), LOOK.red);
+        if (playing && !empty()) plot.rule("x", now(), LOOK.ink, [2, 3]);  // no colour of a pin
       },
     }),
     portrait: phase("portrait", "Phase portrait", (plot, motion, color, first) => {

@@ -146,7 +146,10 @@
       if (name === "file") download(content.name, new Blob([content.content], { type: content.type }));
     }
     if (came.has("address")) query = `?${came.get("address").query}`;
-    if (came.has("ticks")) for (const box of ticks) box.checked = came.get("ticks")[box.value];
+    if (came.has("ticks")) for (const box of ticks) {
+      box.closest("label").hidden = !(box.value in came.get("ticks"));
+      box.checked = came.get("ticks")[box.value];
+    }
     if (came.has("busy")) {
       const { busy, compiling } = came.get("busy");
       if (!busy) be("ready", "ready");

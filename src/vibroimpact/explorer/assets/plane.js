@@ -100,14 +100,29 @@ window.Plane = (() => {
       tip.hidden = !lines.length;
       if (!lines.length) return;
       tip.replaceChildren(...lines.map((line) => Object.assign(document.createElement("div"), { textContent: line })));
-      const flip = event.offsetX > this.left + 0.6 * this.width;
-      tip.style.transform = `translate(${event.offsetX + (flip ? -14 : 14)}px, ${event.offsetY + 12}px) translateX(${flip ? -100 : 0}%)`;
+      tip.style.maxWidth = `${this.width}px`;
+      tip.style.transform = `translate(${this.beside(event, tip.offsetWidth, tip.offsetHeight).join("px, ")}px)`;
+    }
+
+    // The nearest place within the frame where the text covers neither what is pointed at nor, if there is room, point and pins.
+    beside({ offsetX: x, offsetY: y }, wide, high) {
+      const kept = [[x, y, 14, 1e6], ...[[marks.x, marks.y], ...marks.pins].map(([a, b]) => [this.px(a), this.py(b), 10, 1e4])];
+      const rights = [this.left, this.left + this.width - wide], downs = [this.top, this.top + this.height - high];
+      for (const [a, b, far] of kept) { rights.push(a + far, a - far - wide); downs.push(b + far, b - far - high); }
+      let best = [rights[0], downs[0]], least = Infinity;
+      for (const right of rights) for (const down of downs) {
+        if (right < rights[0] || right > rights[1] || down < downs[0] || down > downs[1]) continue;
+        const covers = ([a, b, far]) => a + far > right && a - far < right + wide && b + far > down && b - far < down + high;
+        const cost = kept.reduce((sum, one) => sum + one[3] * covers(one), 0) + Math.hypot(right + wide / 2 - x, down + high / 2 - y);
+        if (cost < least) { least = cost; best = [right, down]; }
+      }
+      return best;
     }
 
     words(event) {
       const at = this.at(event), told = (axis) => {
-        const more = also(at[axis], this[axis].match(UNIT)[2]), written = this.written(axis, at[axis]);
-        return `${names[axis]} ${written}${more && !written.endsWith(" mm") ? ` (${more})` : ""}`;
+        const unit = this[axis].match(UNIT)[2], more = unit === "rad/s" ? also(at[axis], unit) : "";  // others have prefixes
+        return `${names[axis]} ${this.written(axis, at[axis])}${more ? ` (${more})` : ""}`;
       };
       const lines = [told("x"), told("y")];
       const near = this.nearest(event);

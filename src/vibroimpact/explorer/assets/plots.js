@@ -17,11 +17,12 @@ window.Plots = (() => {
 
   // Units with a prefix as the package's figures have them: 0.1 to 100 of it; powers of ten before others.
   const PREFIXES = { "-15": "f", "-12": "p", "-9": "n", "-6": "µ", "-3": "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T" };
+  const PREFIXED = /^(m|s|N|J|g|Hz|Pa|W)(?=$|[ /])/;
   const power_of = (size) => (!size || !Number.isFinite(size) || (size >= 0.01 && size < 1e5) ? 0 : 3 * Math.floor((Math.log10(size) + 1) / 3));
   const scaled_unit = (unit, power) => {
     if (!power) return unit;
     const [base, ten] = unit === "kg" && power < 0 ? ["g", power + 3] : [unit, power];
-    if (/^(m|s|N|J|g)(?=$|[ /])/.test(base) && ten in PREFIXES) return PREFIXES[ten] + base;
+    if (PREFIXED.test(base) && ten in PREFIXES) return PREFIXES[ten] + base;
     return `10${[...String(power)].map((one) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(one)]).join("")} ${unit}`.trim();
   };
   // A value with its unit, of a power of ten or its own.
@@ -30,13 +31,15 @@ window.Plots = (() => {
     return minus(`${String(Number(text))}${/^10./.test(scaled) ? " · " : scaled ? " " : ""}${scaled}`);
   };
 
-  // A machine's numbers in the units that are read off it; "" of numbers so small or large that they may have no unit.
-  const also = (value, unit) => {
+  // A machine's numbers in the units that are read off it; "" of those that are read as they are, or may have no unit.
+  const also = (value, unit = "") => {
     if (unit === "rad/s" && value >= 2 * Math.PI) {
       const turns = value / (2 * Math.PI);
       return `${quantity(turns, "Hz", 4, 0)}, ${quantity(60 * turns, "rpm", 4, 0)}`;
     }
-    return unit === "m" && value && Math.abs(value) < 0.01 ? quantity(value, "m", 4, -3) : "";
+    const size = Math.abs(value), base = unit.replace(/^N\/m²$/, "Pa");
+    if (!size || (size >= 0.01 && size < 1e5) || !(PREFIXED.test(base) || (unit === "kg" && size < 1))) return "";
+    return quantity(value, base, 4, unit === "m" && size > 1e-6 ? -3 : 3 * Math.floor(Math.log10(size) / 3 + 1e-9));
   };
 
   // Round places within [low, high], and how to write them in units of a power of ten; values far from zero are counted
@@ -236,7 +239,13 @@ window.Plots = (() => {
       pen.textAlign = "center";
       pen.textBaseline = "top";
       for (const x of columns.at) pen.fillText(columns.word(x), this.px(x), bottom + 7);
-      pen.fillText(label(this.x, columns), left + width / 2, high - letter - 2);
+      // in the middle of its axis, or as near as the canvas allows
+      const middle = (text, center, whole) => {
+        const half = pen.measureText(text).width / 2 + 2;
+        return Math.max(Math.min(center, whole - half), half);
+      };
+      const across = label(this.x, columns), upwards = label(this.y, rows);
+      pen.fillText(across, middle(across, left + width / 2, this.canvas.clientWidth), high - letter - 2);
       pen.textBaseline = "middle";
       pen.textAlign = "right";
       rows.at.forEach((y, k) => pen.fillText(words[k], left - 8, this.py(y)));
@@ -244,10 +253,10 @@ window.Plots = (() => {
       const room = this.canvas.clientWidth - pen.measureText(this.title).width - 2;
       if (this.title) pen.fillText(this.title, Math.max(Math.min(left, room), 2), letter / 2 + 4);
       pen.save();
-      pen.translate(letter / 2 + 2, top + height / 2);
+      pen.translate(letter / 2 + 2, middle(upwards, top + height / 2, high));
       pen.rotate(-Math.PI / 2);
       pen.textAlign = "center";
-      pen.fillText(label(this.y, rows), 0, 0);
+      pen.fillText(upwards, 0, 0);
       pen.restore();
     }
 

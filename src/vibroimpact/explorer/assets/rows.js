@@ -2,7 +2,8 @@
 window.Rows = (() => {
   "use strict";
   const STEPS = 500;  // of a slider
-  const { UNIT, also } = window.Plots;
+  const LEAST = 9;  // characters for which a field has room
+  const { UNIT, also, minus } = window.Plots;
   let report = () => -1;
 
   class Row {
@@ -15,10 +16,10 @@ window.Rows = (() => {
       this.box.dataset.name = name;
       this.box.append(make("label", { htmlFor: field.id, textContent: label }), field, slider);
       slider.max = STEPS;
-      slider.addEventListener("input", () => { this.sent = report(`slide ${name} ${this.slid()}`); });
+      slider.addEventListener("input", () => { this.fill(); this.sent = report(`slide ${name} ${this.slid()}`); });
       slider.addEventListener("pointerdown", () => { this.held = true; });
       for (const end of ["pointerup", "pointercancel", "blur"]) slider.addEventListener(end, () => { this.held = false; this.place(); });
-      field.addEventListener("input", () => { this.typing = field.value !== String(this.shown[0]); });
+      field.addEventListener("input", () => { this.typing = field.value !== this.text; this.fit(); });
       field.addEventListener("change", () => { this.typing = false; this.sent = report(`type ${name} ${field.value.trim()}`); });
       field.addEventListener("blur", () => { if (this.typing) this.restore(); });  // what was typed and taken back is no change
       field.addEventListener("keydown", (event) => { if (event.key === "Escape") this.restore(); });
@@ -31,11 +32,18 @@ window.Rows = (() => {
       return this.logarithmic ? low * (high / low) ** share : low + share * (high - low);
     }
 
-    restore() { this.typing = false; this.field.value = String(this.shown[0]); }
+    get text() { return minus(String(this.shown[0])); }
+
+    // A field has room for all that is in it.
+    fit() { this.field.style.width = `calc(${Math.max(this.field.value.length, LEAST)}ch + 14px)`; }
+
+    fill() { this.slider.style.setProperty("--share", this.slider.value / STEPS); }
+
+    restore() { this.typing = false; this.field.value = this.text; this.fit(); }
 
     show(shown) {
       this.shown = shown;
-      if (!this.typing && this.field.value !== String(shown[0])) this.restore();
+      if (!this.typing && this.field.value !== this.text) this.restore();
       this.place();
     }
 
@@ -48,8 +56,9 @@ window.Rows = (() => {
         const share = this.logarithmic ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
         const step = String(Math.round(share * STEPS));
         if (slider.value !== step) slider.value = step;
+        this.fill();
       }
-      slider.setAttribute("aria-valuetext", String(value));
+      slider.setAttribute("aria-valuetext", this.text);
     }
   }
 

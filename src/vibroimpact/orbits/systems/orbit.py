@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,9 +24,9 @@ from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.symmetry import mirror
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class SystemOrbit(Orbit):
-    """A period-n impact-p motion, stable or not, of a system with rigid or compliant stops.
+    """A period-n impact-p orbit, stable or not, of a system with rigid or compliant stops.
 
     Its `oscillator` is the system. On a compliant stop, an impact is where contact begins. Of several rests,
     `stick_phase` and `release_phase` are those of the first, and `stuck_time` is the sum.
@@ -122,6 +123,16 @@ class SystemOrbit(Orbit):
     def symmetric(self) -> bool:
         """Whether the orbit is its own mirror image half a cycle later."""
         return bool(self.half_multipliers)
+
+    def _columns(self) -> dict[str, Sequence[Any]]:
+        columns = {"stop": self.stops, **super()._columns(), "impulse [N s]": self.impulses}
+        if any(contact.peak_force > 0.0 for contact in self.contacts):
+            columns["largest force [N]"] = [contact.peak_force for contact in self.contacts]
+            columns["contact time [s]"] = [contact.contact_time for contact in self.contacts]
+        return columns
+
+    def _row(self) -> dict[str, Any]:
+        return {**super()._row(), "stops": ", ".join(dict.fromkeys(self.stops))}
 
     @property
     def determinant(self) -> float:

@@ -38,7 +38,7 @@ from vibroimpact.studies.lee.rules import (
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was measured for one statement: the verdict and its rule, the numbers, and the reason in a sentence."""
+    """The result for one statement: the verdict and its rule, the numbers, and the reason in a sentence."""
 
     assessment: Assessment
     exact: str
@@ -53,7 +53,7 @@ Measure = Callable[[Laboratory], Outcome]
 class Claim:
     """One statement of the paper and the measurement that tests it.
 
-    `importance` orders the discrepancies that the summary names first; it has no part in a verdict.
+    `importance` orders the discrepancies in the summary, the largest first; it does not affect verdicts.
     """
 
     id: str
@@ -91,7 +91,7 @@ class Section:
         what: str,
         fixed_step: Callable[[Laboratory], str] | None = None,
     ) -> None:
-        """Register a printed number; `what` names the quantity in the sentence that says why."""
+        """Register a printed number; `what` names the quantity in the reason."""
         suffix = f" {unit}" if unit else ""
 
         @self.claim(quotation, f"{printed}{suffix}")
@@ -115,7 +115,7 @@ class Section:
         form: str = "{:.4g}",
         unit: str = "",
     ) -> None:
-        """Register that a quantity rises or falls; `what` names it, `because` where it was found."""
+        """Register that a quantity rises or falls; `what` names it, and `because` is where it was found."""
 
         @self.claim(quotation, says)
         def compare(lab: Laboratory) -> Outcome:
@@ -152,7 +152,7 @@ class Section:
                 f"at {np.mean(flags):.0%} of the frequencies",
                 f"present at every scanned frequency of the interval ({len(flags)} in all)"
                 if flags.all()
-                else f"from rest other motions {intervals(scan.omega, ~flags)}: {commonest(scan.motions, ~flags)}; "
+                else f"from rest, other motions {intervals(scan.omega, ~flags)}: {commonest(scan.motions, ~flags)}; "
                 f"{beside(lab, scan.omega[~flags], what, has)}",
             )
 
@@ -185,7 +185,7 @@ class Section:
         self.trend(quotation, says, lambda lab: frequencies, "w_n", because, grows=grows, unit="rad/s")
 
     def first_resonance(self, quotation: str, printed: str, **changes: float) -> None:
-        """Register the first impact resonance; the peak is sought up to 15 % from the printed frequency."""
+        """Register the first impact resonance; the peak is searched for within 15 % of the printed frequency."""
         near = float(printed)
         what = "the frequency w of the peak of the impact velocity near 2 w_n"
         self.value(quotation, printed, "rad/s", lambda lab: lab.peak(near, 0.15 * near, **changes)[0], what=what)
@@ -209,7 +209,7 @@ class Section:
     def axis_height(
         self, quotation: str, printed: str, importance: int = 0, resonance: float | None = None, **changes: float
     ) -> None:
-        """Register the upper end of a velocity axis, and, where the paper gives it as the reason, a resonance."""
+        """Register the upper end of a velocity axis and, if the paper gives it as the reason, a resonance."""
 
         @self.claim(quotation, f"axis to {printed}", importance)
         def compare(lab: Laboratory) -> Outcome:
@@ -317,7 +317,7 @@ class Section:
 
 
 def beside(lab: Laboratory, frequencies: Sequence[float] | Floats, what: str, has: Test) -> str:
-    """Say where a motion is among those that coexist, at up to 12 of the frequencies, spread evenly."""
+    """Return the share of a motion among those that coexist, at up to 12 of the frequencies, spread evenly."""
     chosen = [float(frequencies[i]) for i in np.unique(np.linspace(0, len(frequencies) - 1, 12).round().astype(int))]
     shares = [sum(attractor.share for attractor in lab.coexisting(omega) if has(attractor.motion)) for omega in chosen]
     flags = np.array(shares) > 0.0
@@ -339,7 +339,7 @@ def shares(lab: Laboratory, pair: Pair) -> tuple[float, float, float]:
 
 
 def rates(lab: Laboratory, **changes: float) -> Floats:
-    """Return impacts per driving period along w; NaN where the motion sticks and the count is the cut-off's."""
+    """Return impacts per driving period along w; NaN if the motion sticks, as the count depends on the cut-off then."""
     line = lab.line(**changes)
     chattering = np.isin(line["status"], [vi.Status.STICKING, vi.Status.SHORT_WINDOW])
     return np.where(chattering, np.nan, line["impacts_per_period"])
@@ -354,7 +354,7 @@ def sticking_cells(lab: Laboratory, name: str, *, above: bool) -> tuple[float, f
 
 
 def merge_runs(positions: list[float], kinds: list[str], least: float) -> list[tuple[str, float, float]]:
-    """Return runs of equal kind at least so wide; what is narrower counts as "other".
+    """Return runs of equal kind of at least width `least`; narrower ones count as "other".
 
     Examples
     --------

@@ -22,7 +22,7 @@ from vibroimpact.studies.lee.paper import INDICES, OSCILLATOR, TIME_STEP, TOP, W
 
 Flags = NDArray[np.bool_]
 Test = Callable[[Motion], bool]
-LISTED = 4  # names or intervals in a sentence
+LISTED = 4  # names or intervals in a sentence, at most
 
 
 def sticks(motion: Motion) -> bool:
@@ -31,7 +31,7 @@ def sticks(motion: Motion) -> bool:
 
 
 def aperiodic(motion: Motion) -> bool:
-    """Whether the sampled impacts never repeat, nor the times from one rest to the next."""
+    """Whether neither the sampled impacts nor the times from one rest to the next ever repeat."""
     if motion.kind == "sticking":
         return motion.n_periods == 0
     return motion.kind in ("chaotic", "undecided") and motion.status != vi.Status.STICKING
@@ -55,7 +55,7 @@ def period_impact(n_periods: int, n_impacts: int) -> Test:
 
 @dataclass(frozen=True)
 class Window:
-    """Impacts that a simulation from rest shows between two times: s, m/s, and phases in [0, 1)."""
+    """The impacts of a simulation from rest between two times: s, m/s, and phases in [0, 1)."""
 
     time: Floats
     velocity: Floats
@@ -78,7 +78,7 @@ class Scan:
     motions: tuple[Motion, ...]
 
     def where(self, has: Test) -> Flags:
-        """Return which frequencies carry such a motion."""
+        """Return which frequencies have such a motion."""
         return np.array([has(motion) for motion in self.motions])
 
     def between(self, low: float | str, high: float | str) -> Scan:
@@ -102,7 +102,7 @@ class CellSample:
 
 
 class Laboratory:
-    """Holds the datasets of the figures and makes, once each, the further measurements that statements need.
+    """Holds the datasets of the figures, and makes each further measurement that statements need once.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class Laboratory:
     level : float
         Height of a boundary in m/s.
     workers : int or None
-        Threads of a sweep; None is one per core.
+        Threads of a sweep; None means one per core.
     """
 
     def __init__(self, scale: Scale, results: Mapping[str, xr.Dataset], level: float, workers: int | None) -> None:
@@ -185,7 +185,7 @@ class Laboratory:
         return inside
 
     def _window(self, backend: str = "fixed-step", **changes: float) -> Window:
-        """Impacts between 100 and 150 s from rest, by the paper's scheme unless another back end is named."""
+        """Impacts between 100 and 150 s from rest, by the paper's scheme unless another back end is given."""
         osc = OSCILLATOR.replace(**changes)
         options: dict[str, Any] = {"time_step": TIME_STEP} if backend == "fixed-step" else {}
         run = vi.simulate(
@@ -196,7 +196,7 @@ class Laboratory:
         return Window(time[within], velocity[within], np.mod(time[within] / osc.period, 1.0))
 
     def _unsettled(self, low: float, high: float) -> str:
-        """Say at how many frequencies of an interval the paper's scheme shows no cycle within its window."""
+        """Return, as text, the share of frequencies at which the paper's scheme shows no cycle within its window."""
         omega = np.arange(low, high + 1e-9, 0.05)
         windows = [self.window(omega=float(w)) for w in omega]
         without = [not cycle_length(one.velocity, one.phase, tolerance=0.01, longest=12) for one in windows]
@@ -249,7 +249,7 @@ def commonest(motions: tuple[Motion, ...], flags: Flags) -> str:
 
 
 def intervals(omega: Sequence[float] | Floats, flags: Flags) -> str:
-    """Return as text the runs of consecutive frequencies that are flagged, the widest ones if there are many.
+    """Return the runs of consecutive flagged frequencies as text; if there are many, only the widest ones.
 
     Examples
     --------

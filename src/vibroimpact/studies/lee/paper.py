@@ -1,4 +1,4 @@
-"""What the paper prescribes: its oscillator and its twenty figures; and the grids on which the study computes them."""
+"""The paper's oscillator and its twenty figures, and the grids on which the study computes them."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ CITATION = (
     "Parameters, National Kaohsiung University of Science and Technology"
 )
 OSCILLATOR = vi.ImpactOscillator(mass=1.0, damping=0.01, stiffness=1.0, amplitude=1.0, restitution=0.8, gap=0.0)
-WINDOW = (100.0, 150.0)  # s; what the paper's simulations keep
-TIME_STEP = 0.0005  # s; of its Runge-Kutta scheme
-TOP = 5.0  # rad/s; end of every frequency axis
+WINDOW = (100.0, 150.0)  # s; the part that the paper's simulations keep
+TIME_STEP = 0.0005  # s; step of its Runge-Kutta scheme
+TOP = 5.0  # rad/s; the end of every frequency axis
 LEVEL = 0.05  # m/s; default height of a boundary, 5 % of f / sqrt(k m)
 INDICES = ("std", "mean_velocity", "max_velocity", "impacts_per_period")  # of every map and line along w
 
@@ -36,7 +36,7 @@ ORBITS = {4: 0.10, 5: 0.25, 6: 0.75, 7: 1.0, 8: 2.0, 9: 2.8}
 
 @dataclass(frozen=True)
 class Pair:
-    """One varied parameter beside w: its map (figure `map_figure`) and its two diagrams (the next figure).
+    """One parameter varied together with w: its map (figure `map_figure`) and its two diagrams (the next figure).
 
     The paper prints no ranges for the second axis; `low` and `high` are ours.
     """
@@ -92,17 +92,17 @@ class Scale:
 
     name: str
     map_points: int  # along either axis of the five two-parameter maps
-    map_transient: int  # impacts left out in each cell of a map and along each line of Std
+    map_transient: int  # impacts skipped in each cell of a map and along each line of Std
     map_impacts: int  # impacts kept there
     columns: int  # frequencies of a bifurcation diagram and of a line of Std
-    column_transient: int  # impacts left out in a column of a diagram
+    column_transient: int  # impacts skipped in a column of a diagram
     column_impacts: int  # impacts kept there
     looks: int  # stroboscopic samples kept in a column of figure 2, after 2 `map_transient` periods
     orbit_impacts: int  # impacts, and periods, kept on the sections of figures 4 to 9
     scan_step: float  # rad/s between the frequencies at which motions are recognised
     variant_step: float  # the same at parameters other than the paper's
     cells_along: int  # cells of a map, along either axis, in which the motion is recognised
-    settle_impacts: int  # left out where a motion is recognised
+    settle_impacts: int  # impacts skipped when a motion is recognised
     settled_impacts: int  # kept there
     dpi: int  # of the figures
 
@@ -129,7 +129,7 @@ Make = Callable[[Tick], xr.Dataset]
 
 @dataclass(frozen=True)
 class Job:
-    """One dataset to be computed: its key, what it is, its share of the work, and the call."""
+    """One dataset to be computed: its key, a description, its share of the work, and the call."""
 
     key: str
     text: str
@@ -194,7 +194,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Plate:
-    """One figure of the paper: its title and caption, the datasets it shows, its panels and how they are laid out."""
+    """One figure of the paper: its title and caption, its datasets, its panels and their layout."""
 
     number: int
     title: str
@@ -239,7 +239,7 @@ def _orbit(number: int, omega: float, results: Results) -> Plate:
         Panel("(a) Poincaré map", lambda ax: plotting.stroboscopic_map(results[keys[0]], ax=ax)),
         Panel("(b) impact map", lambda ax: plotting.impact_map(results[keys[1]], ax=ax)),
     )
-    caption = "Settled impact vibration: (a) once a driving period; (b) at each impact."
+    caption = "Settled impact vibration: (a) once per driving period; (b) at each impact."
     return Plate(number, f"Motion at w = {omega:g}", f"w = {omega:g} rad/s. {caption}", keys, panels, (11.0, 4.6))
 
 

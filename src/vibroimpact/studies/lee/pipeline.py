@@ -1,4 +1,4 @@
-"""The whole study, from nothing to its folder."""
+"""The whole study, from its computations to its folder."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ def run(
     out : path
         The folder to create: `report.html`, `figures/` (PNG, SVG), `data/` (Zarr) and `study.json`.
     quick : bool
-        Whether to use coarse grids (well under a minute) in place of the paper's.
+        Whether to use coarse grids (well under a minute) instead of the paper's.
     level : float, > 0
-        Height in m/s of the boundaries of Std; None is 0.05, 5 % of f / sqrt(k m).
+        Height in m/s of the boundaries of Std; None means 0.05, 5 % of f / sqrt(k m).
     overwrite : bool
-        Whether an earlier study at `out` may be replaced; nothing else ever is.
+        Whether an earlier study at `out` may be replaced; nothing else is ever replaced.
     workers : int, optional
-        Threads of a sweep; None is one per core.
+        Threads of a sweep; None means one per core.
     progress : bool or callable
         True writes a line to the error stream as each step begins; a callable receives
         (work done, total work, text), and stops the study by returning False.
@@ -73,16 +73,16 @@ def run(
     Raises
     ------
     ValueError
-        `level` or `workers` is out of its range.
+        `level` or `workers` is out of range.
     OSError
-        `out` exists and must not be replaced, or cannot be written; what was there stays.
+        `out` exists and may not be replaced, or cannot be written; existing files stay.
     KeyboardInterrupt
         The study was stopped; nothing was written under `out`.
 
     Notes
     -----
-    The folder appears under its name when it is complete. Cost on two cores: about half a minute quick, a few
-    minutes in full.
+    The folder appears under its name once it is complete. Time on two cores: about half a minute with `quick`, a few
+    minutes without.
 
     References
     ----------
@@ -121,21 +121,19 @@ def _height(level: float | None) -> float:
 
 
 def _check_folder(out: str | os.PathLike[str], *, overwrite: bool) -> Path:
-    """Return the path if the study can be put there, else raise before anything is computed."""
+    """Return the path if the study can be put there; otherwise, raise before anything is computed."""
     target, shown = Path(out).absolute(), repr(str(out))
     if os.path.lexists(target) and not _is_empty_folder(target):
         if not (target / RECORD).is_file():
-            raise FileExistsError(f"`out` is {shown}, which exists and is not an earlier study; choose another name")
+            raise FileExistsError(f"`out` {shown} exists and is not an earlier study; choose another name")
         if not overwrite:
-            raise FileExistsError(f"`out` is {shown}, an earlier study; allow overwriting or choose another name")
+            raise FileExistsError(f"`out` {shown} is an earlier study; allow overwriting or choose another name")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OSError(
-            error.errno, f"`out` is {shown}; its parent folder cannot be created ({error.strerror})"
-        ) from error
+        raise OSError(error.errno, f"`out` {shown}: its parent folder cannot be created ({error.strerror})") from error
     if not os.access(target.parent, os.W_OK | os.X_OK):
-        raise PermissionError(f"`out` is {shown}; its parent folder cannot be written to; choose another one")
+        raise PermissionError(f"`out` {shown}: its parent folder cannot be written to; choose another one")
     return target
 
 
@@ -144,7 +142,7 @@ def _is_empty_folder(path: Path) -> bool:
 
 
 class Stages:
-    """Reports progress, as `run` does, step by step out of the total of the steps' weights; times each stage."""
+    """Reports progress for `run`, step by step out of the total of the steps' weights, and times each stage."""
 
     def __init__(self, progress: Progress, total: int) -> None:
         self.seconds: dict[str, float] = {}
@@ -204,14 +202,14 @@ def _write_study(
 
 
 def _facts(scale: Scale, level: float, results: dict[str, xr.Dataset], stages: Stages) -> dict[str, str]:
-    """Return the facts of a run: what was computed, with what, when, and how long it took."""
+    """Return the facts of a run: its computations, settings and versions, its date, and its duration."""
     osc = ", ".join(f"{name} {value:g}" for name, value in asdict(OSCILLATOR).items() if name != "omega")
     cells, each = len(PAIRS) * scale.map_points**2, scale.map_transient + scale.map_impacts
     ranges = "; ".join(f"{pair.symbol} {pair.low:g} to {pair.high:g}" for pair in PAIRS)
     facts = {
         "version": f"{results['figure-03'].attrs['source']}, Python {sys.version.split()[0]}, NumPy {np.__version__}",
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "oscillator": f"{osc} (unless varied); each motion starts from rest at the stop at time 0",
+        "oscillator": f"{osc} (unless varied); each motion begins at rest at the stop at time 0",
         "settings": ", ".join(f"{name} {value}" for name, value in asdict(scale).items()),
         "boundary level": f"{level:g} m/s",
         "axes of the maps": f"w above 0 to 5; {ranges} (the paper prints none beyond w)",

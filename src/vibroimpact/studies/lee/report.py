@@ -45,7 +45,7 @@ BADGES = {Verdict.HOLDS: ("holds", "✓"), Verdict.LAST_DIGIT: ("last", "≈"), 
 def write(
     path: Path, plates: Sequence[Plate], tested: Sequence[Tested], facts: Mapping[str, str], level: float
 ) -> None:
-    """Write the report beside the folders `figures` and `data`."""
+    """Write the report next to the folders `figures` and `data`."""
     template = Template(files("vibroimpact.studies.lee").joinpath("report.html").read_text(encoding="utf-8"))
     sections = dict.fromkeys(claim.section for claim, _ in tested)
     page = template.substitute(
@@ -71,7 +71,7 @@ def tally(tested: Sequence[Tested]) -> dict[Verdict, int]:
 
 
 def discrepancies(tested: Sequence[Tested]) -> list[Tested]:
-    """Return up to five statements that do not hold, most important first; the same sentence is named once."""
+    """Return up to five statements that do not hold, most important first, each sentence once."""
     failed = [pair for pair in tested if pair[1].assessment.verdict is Verdict.FAILS]
     failed.sort(key=lambda pair: -pair[0].importance)
     once: dict[str, Tested] = {}

@@ -9,11 +9,11 @@ from decimal import ROUND_DOWN, ROUND_HALF_UP, Decimal
 from enum import Enum
 from itertools import pairwise
 
-NEARLY_ALL = 0.95  # the share that counts as "throughout" or "strong" where the paper gives no number
+NEARLY_ALL = 0.95  # the share that counts as "throughout" or "strong" if the paper gives no number
 
 
 class Verdict(Enum):
-    """What the engine's numbers say about a statement."""
+    """The result of comparing the engine's numbers with a statement."""
 
     HOLDS = "holds"
     LAST_DIGIT = "last digit"
@@ -48,7 +48,7 @@ def last_unit(printed: str) -> float:
 
 
 def cut_like(measured: float, printed: str) -> bool:
-    """Return whether cutting `measured` off after the printed digits, without rounding, gives what was printed.
+    """Return whether cutting `measured` off after the printed digits, without rounding, gives the printed number.
 
     Examples
     --------
@@ -77,11 +77,11 @@ def printed_value(measured: float, printed: str) -> Assessment:
 
 def same_name(recognised: str, said: str) -> Assessment:
     """Assess the name of a motion."""
-    return Assessment(_verdict(recognised == said), "the recognised motion has the name the paper gives it")
+    return Assessment(_verdict(recognised == said), "the recognised motion has the name that the paper gives")
 
 
 def is_true(holds: bool, rule: str) -> Assessment:
-    """Assess a statement that a measurement decides outright; `rule` says which."""
+    """Assess a statement that a measurement decides directly; `rule` is the criterion."""
     return Assessment(_verdict(holds), rule)
 
 
@@ -150,7 +150,7 @@ def proportional(ratios: Sequence[float], factor: float) -> Assessment:
 
 
 def all_of(assessments: Sequence[Assessment]) -> Assessment:
-    """Assess a statement of several parts by its weakest part; the rule names them all."""
+    """Assess a statement of several parts by its weakest part; the rule names all parts."""
     order = list(Verdict)
     worst = max((assessment.verdict for assessment in assessments), key=order.index)
     return Assessment(worst, "; and ".join(dict.fromkeys(assessment.rule for assessment in assessments)))

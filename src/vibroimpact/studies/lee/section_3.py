@@ -1,4 +1,4 @@
-"""Sections 3 and 3.1: periods and resonances along the driving frequency, and sticking where it is low."""
+"""Sections 3 and 3.1: periods and resonances along the driving frequency, and sticking at low frequencies."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ general.value(
 
 
 def _cycles(lab: Laboratory, at_most: int, longest: int = 64) -> list[tuple[float, Motion]]:
-    """Return some `at_most` frequencies of the scan, evenly chosen, that carry a cycle of up to `longest` periods."""
+    """Return about `at_most` frequencies of the scan, evenly chosen, that have a cycle of up to `longest` periods."""
     scan = lab.scan()
     cycles = [(float(w), m) for w, m in zip(scan.omega, scan.motions, strict=True) if periodic(m)]
     cycles = [(omega, motion) for omega, motion in cycles if motion.n_periods <= longest]

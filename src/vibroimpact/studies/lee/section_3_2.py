@@ -1,4 +1,4 @@
-"""Sections 3.2 to 3.5 and 5: chaos and the periodic motion between, what Std says about a motion, the conclusions."""
+"""Sections 3.2 to 3.5 and 5: chaos, the periodic motion between its regions, Std, and the conclusions."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ first_chaos.value(
 
 @first_chaos.claim("again leading to a complex motion (w = 1.0, Fig. 7)", "complex motion at w = 1.0", importance=9)
 def complex_at_one(lab: Laboratory) -> Outcome:
-    """Name the settled motion at w = 1, and see how far the paper's window is from it."""
+    """Name the settled motion at w = 1, and compare it with the paper's window."""
     motion, in_window = lab.motion(omega=1.0), lab.window(omega=1.0).velocity
     spread = np.unique(np.round(in_window, 2)).size
     because = "the settled impacts never repeat"
@@ -151,13 +151,13 @@ def complex_at_one(lab: Laboratory) -> Outcome:
 
 @between.claim("When w = 1.4, the impact motion converges toward a periodic impact motion", "periodic at w = 1.4")
 def periodic_at_1_4(lab: Laboratory) -> Outcome:
-    """Name the motion at w = 1.4, and say where it begins."""
+    """Name the motion at w = 1.4, and find where it begins."""
     motion, begins = lab.motion(omega=1.4), lab.edge("period-1 impact-1", 1.6, 1.1)
     return Outcome(
         is_true(periodic(motion), "the settled motion repeats"),
         motion.name,
         f"{motion.sentence(OSCILLATOR.replace(omega=1.4).period)}; "
-        f"followed downwards, period-1 impact-1 is stable from w = {begins:.4f} on",
+        f"followed downwards, period-1 impact-1 is stable from w = {begins:.4f}",
     )
 
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from vibroimpact.model.oscillator import ImpactOscillator
-from vibroimpact.parameters import Parameter, invalid
+from vibroimpact.parameters import Parameter, invalid, to_install
 
 # A number, then a unit; what follows the number is no exponent.
 _WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*((?![eE][-+]?\d)[a-zA-Zµμ%°].*)")
+
+
+_POWER = re.compile(r"(?<=m|s)(?=\d)")  # N/m2 is N/m^2
+_RATE = re.compile(r"^1/(min|s)$")  # of a machine: turns, as rpm and Hz count them
 
 
 def without_unit(parameter: Parameter, value: Any) -> Any:
@@ -40,23 +44,25 @@ def without_unit(parameter: Parameter, value: Any) -> Any:
 
 
 def has_unit(value: Any) -> bool:
-    """Return whether a value, or one of several, is written with a unit."""
+    """Return whether a value, or one of several, is written with a unit; a percentage has none."""
     if isinstance(value, (Mapping, list, tuple)):
         return any(map(has_unit, value.values() if isinstance(value, Mapping) else value))
-    return isinstance(value, str) and _WITH_UNIT.fullmatch(value) is not None
+    return isinstance(value, str) and (written := _WITH_UNIT.fullmatch(value)) is not None and written[2].strip() != "%"
 
 
 def _converted(parameter: Parameter, text: str, number: float, unit: str) -> float:
-    wanted = parameter.unit
+    wanted, given = (_RATE.sub(r"turn/\1", _POWER.sub("^", each)) for each in (parameter.unit, unit))
     if wanted == "1":
         allowed = "a number without a unit, or in %"
     else:
-        allowed = f"a number, or one with a unit that can be turned into {wanted}"
+        allowed = f"a number, or one with a unit that can be turned into {parameter.unit}"
     units, faults = _registry()
     try:
-        return float(units.Quantity(number, unit).to("dimensionless" if wanted == "1" else wanted).magnitude)
+        value = float(units.Quantity(number, given).to("dimensionless" if wanted == "1" else wanted).magnitude)
     except faults:
         raise invalid(parameter.name, text, allowed) from None
+    short = float(f"{value:.14g}")  # 0.4 mm, not 0.39999999999999997 mm
+    return short if abs(short - value) <= 2.0 * math.ulp(value) else value
 
 
 @cache
@@ -65,16 +71,7 @@ def _registry() -> tuple[Any, tuple[type[Exception], ...]]:
     try:
         import pint
     except ImportError:
-        raise ValueError("a value with a unit needs pint; install it with: pip install 'vibroimpact[units]'") from None
+        raise ValueError(f"values with units need pint, which is missing; {to_install('units')} installs it") from None
     units: Any = pint.UnitRegistry()
     units.define("hertz = turn / second = Hz")  # for pint 10 Hz are 10 rad/s
     return units, (pint.PintError, AttributeError, AssertionError, TypeError, ValueError)
-
-
-def mixed_units_warning(names: set[str]) -> str:
-    """Return a warning where numbers in SI stand beside numbers of the paper, which are dimensionless."""
-    table, usual = ImpactOscillator.parameters, ImpactOscillator()
-    names = {table[name].replaces or name for name in names}
-    defaults = [name for name in ("mass", "damping", "stiffness", "amplitude", "omega") if name not in names]
-    numbers = ", ".join(f"{name} = {getattr(usual, name):g} {table[name].unit}" for name in defaults)
-    return f"numbers of the paper stand beside your own: {numbers}; give them too" if defaults else ""

@@ -1,0 +1,71 @@
+"""How results are shown: a `repr` of some lines, and small tables in a notebook."""
+
+from __future__ import annotations
+
+import html
+import reprlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+MOST = 12  # rows of a table, at most
+
+BRIEF = reprlib.Repr()
+BRIEF.maxtuple = BRIEF.maxlist = 3  # a chatter has a hundred impacts, a branch some hundred orbits
+BRIEF.maxdict, BRIEF.maxother, BRIEF.maxstring = 20, 400, 200
+
+
+class Table(NamedTuple):
+    """A table in a notebook: a title, the heads of its columns with their units, its rows, and notes under it."""
+
+    title: str
+    head: Sequence[str] = ()
+    rows: Sequence[Sequence[Any]] = ()
+    notes: Sequence[str] = ()
+
+
+class Shown:
+    """A result that is shown briefly: long sequences are cut in its `repr`, and a notebook shows its table."""
+
+    def __repr__(self) -> str:
+        parts: Iterable[Any] = fields(self)  # type: ignore[arg-type]
+        shown = (f"{part.name}={BRIEF.repr(getattr(self, part.name))}" for part in parts if part.repr)
+        return f"{type(self).__name__}({', '.join(shown)})"
+
+    def _table(self) -> Table:
+        raise NotImplementedError
+
+    def _repr_html_(self) -> str:
+        return written(self._table())
+
+
+def written(table: Table) -> str:
+    """Return a table as HTML, its first `MOST` rows; numbers have four digits, text of several lines its lines."""
+    return "\n".join(_lines(table))
+
+
+def _lines(table: Table) -> Iterator[str]:
+    columns = list(zip(*table.rows, strict=True))
+    sides = ["right" if all(isinstance(value, float) for value in column) else "left" for column in columns]
+    looks = [f'style="text-align: {side}; vertical-align: top; padding: 0.1em 0.8em"' for side in sides]
+    yield f"<p><b>{html.escape(table.title)}</b></p>"
+    if table.rows:
+        yield "<table>"
+        if any(table.head):
+            yield _row("th", looks, table.head)
+        yield from (_row("td", looks, row) for row in table.rows[:MOST])
+        yield "</table>"
+    hidden = len(table.rows) - MOST
+    notes = [*([f"{hidden} more"] if hidden > 0 else []), *table.notes]
+    if notes:
+        yield f"<p>{'<br>'.join(map(html.escape, notes))}</p>"
+
+
+def _row(tag: str, looks: Sequence[str], values: Sequence[Any]) -> str:
+    cells = (f"<{tag} {look}>{_cell(value)}</{tag}>" for look, value in zip(looks, values, strict=True))
+    return f"<tr>{''.join(cells)}</tr>"
+
+
+def _cell(value: Any) -> str:
+    text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return html.escape(text).replace("\n", "<br>")
