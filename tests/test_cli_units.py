@@ -12,8 +12,8 @@ import pytest
 import vibroimpact as vi
 from fenced import ROOT
 from processes import python
-from vibroimpact.cli import units
 from vibroimpact.cli.study import make_study
+from vibroimpact.model import units
 from vibroimpact.model.units import without_unit
 from vibroimpact.parameters import to_install
 

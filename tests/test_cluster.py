@@ -378,7 +378,7 @@ def test_an_address_where_no_scheduler_answers_is_told_of_within_seconds(listeni
 
 def test_without_dask_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "distributed", None)
-    with pytest.raises(ImportError, match=r"pip install 'vibroimpact\[cluster\]'"):
+    with pytest.raises(ImportError, match="pip install dask distributed"):
         sweep(cluster="local:2")
 
 

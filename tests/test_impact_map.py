@@ -49,7 +49,7 @@ def test_it_leads_from_each_impact_of_a_section_to_the_next(model):
     ],
 )
 def test_an_impact_that_is_not_the_whole_state_is_refused(model, has):
-    with pytest.raises(ValueError, match=f"`osc` must have one coordinate and one stop.* has {has}: take"):
+    with pytest.raises(ValueError, match=f"`osc` must have one coordinate and one stop.* has {has}; use"):
         vi.impact_map(model)
 
 

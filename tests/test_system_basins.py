@@ -501,8 +501,10 @@ def test_two_free_masses_lead_where_their_relative_motion_does():
     assert found.velocities == pytest.approx([4.014863874979368] * 2, rel=1e-12)
     pair = free_pair(0.9, mass=np.diag([1.0, 1.5]), force=vi.Force(omega=1.0, harmonics={1: [1.0, -0.5]}))
     both = [vi.attractors(model) for model in (pair, beside_its_centre(pair)[0])]
-    seen, own = ([(one.name, one.share, round(one.max_velocity, 6)) for one in found] for found in both)
+    seen, own = ([(one.name, one.share) for one in found] for found in both)
     assert seen == own
+    hardest = [[one.max_velocity for one in found] for found in both]
+    assert hardest[0] == pytest.approx(hardest[1], rel=1e-4)  # of chaos, over a sample
 
 
 @pytest.mark.parametrize(("damping", "names"), [(0.0, []), (0.1, ["no impact"])])

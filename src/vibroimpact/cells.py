@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 COUNTABLE = 2.0**53  # periods, above which floats no longer hold every whole number
 BEYOND = 1e-12  # of the lengths that add up to a clearance: a smaller penetration is rounding
-NOWHERE = 1e-15  # of V over the fastest rate: the same where all these lengths vanish
+NOWHERE = 1e-15  # of V/w: the same where all these lengths vanish
 FASTEST = 4.0  # of V: the largest velocity of the impacts spread over the impact surface
 
 
@@ -174,7 +174,7 @@ class Cells:
         if start is None:
             return self
         turns = start.time * self["omega"] / (2.0 * np.pi)
-        _check_start(start, self["gap"], turns, NOWHERE * self.velocity_scale / self.fastest_rate)
+        _check_start(start, self["gap"], turns, NOWHERE * self.velocity_scale / self["omega"])
         return self.replace(**_start(np.maximum(self["gap"] - start.displacement, 0.0), start.velocity, turns))
 
 

@@ -305,7 +305,7 @@ class SystemCells(Cells):
         """Return the depth in m of each initial condition beyond each rigid stop; 0 if it is within rounding."""
         eta = self.block("eta")
         size = np.abs(self.block("gap")) + (np.abs(self._by_stop("alpha")) @ np.abs(eta)[..., None])[..., 0]
-        rounding = BEYOND * size + NOWHERE * (self["scale"] / self.fastest_rate)[:, None]
+        rounding = BEYOND * size + NOWHERE * (self["scale"] / self["omega"])[:, None]
         depth = -self._clearances(self.block("turn"), eta)
         return np.where((depth > rounding) & self.bars, depth, 0.0)
 
