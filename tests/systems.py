@@ -122,12 +122,14 @@ def impacts(model, sample, transient=0, **how):
     return vi.impact_section(model, transient_impacts=transient, sample_impacts=sample, **how)
 
 
-def drawn(rng, of_any_kind=False):
+def drawn(rng, of_any_kind=False, number=None):
     """Return a random system of one to four coordinates and one to three stops, and a state in front of the rigid ones.
 
-    Stops are rigid, and all but the first may move; or of any kind, and the first one is compliant.
+    Stops are rigid, and all but the first may move; or of any kind, and the first one is compliant. A `number` of them
+    leaves more room.
     """
-    n, s = int(rng.integers(1, 5)), int(rng.integers(1, 4))
+    n, s = int(rng.integers(1, 5)), int(rng.integers(1, 4)) if number is None else number
+    nearest = 0.0 if number is None else 0.2
 
     def positive(least):
         root = rng.normal(size=(n, n))
@@ -139,7 +141,7 @@ def drawn(rng, of_any_kind=False):
         keeps = np.eye(n) - np.outer(free, free) / (free @ free)
         stiffness = keeps @ stiffness @ keeps
     damping = 0.05 * positive(0.1) if rng.random() < 0.5 else 0.03 * mass + 0.02 * stiffness
-    stops = [(a_random_stop if of_any_kind else a_rigid_stop)(rng, j, mass) for j in range(s)]
+    stops = [(a_random_stop if of_any_kind else a_rigid_stop)(rng, j, mass, nearest) for j in range(s)]
     force = {1: rng.normal(size=n) + 1j * rng.normal(size=n), 3: 0.5 * rng.normal(size=n)}
     model = system(mass, damping, (stiffness + stiffness.T) / 2, rng.uniform(0.3, 2.0), stops, force)
     rigid = [j for j, stop in enumerate(stops) if not stop.compliant]
@@ -147,18 +149,18 @@ def drawn(rng, of_any_kind=False):
         q = 0.3 * rng.normal(size=n)
         if model.clearances(q)[rigid].min(initial=1.0) > 0.05:
             return model, q, rng.normal(size=n)
-    return drawn(rng, of_any_kind)  # its stops leave too little room
+    return drawn(rng, of_any_kind, number)  # its stops leave too little room
 
 
-def a_rigid_stop(rng, number, mass):
+def a_rigid_stop(rng, number, mass, nearest=0.0):
     """Return a rigid stop in any direction; every second one moves, but for that of number 0."""
-    direction, gap = rng.normal(size=len(mass)), rng.uniform(0, 0.5)
+    direction, gap = rng.normal(size=len(mass)), rng.uniform(nearest, nearest + 0.5)
     ratio = rng.choice([0.0, rng.uniform(0.1, 0.9)])
     moves = {2: 0.1 * complex(*rng.normal(size=2))} if number and rng.random() < 0.5 else {}
     return vi.Stop(direction=direction, gap=gap, restitution=ratio, motion=moves)
 
 
-def a_random_stop(rng, number, mass):
+def a_random_stop(rng, number, mass, nearest=0.0):
     """Return a stop in any direction, rigid or, as that of number 0 is, from soft to stiff for what strikes it."""
     direction = rng.normal(size=len(mass))
     struck = 1.0 / (direction @ np.linalg.solve(mass, direction))
@@ -167,7 +169,7 @@ def a_random_stop(rng, number, mass):
     rigid = {"restitution": rng.choice([0.0, rng.uniform(0.1, 0.9)])}
     moves = {2: 0.1 * complex(*rng.normal(size=2))} if rng.random() < 0.3 else {}
     kind = soft if number == 0 or rng.random() < 0.5 else rigid
-    gap = rng.uniform(-0.1 if k < 100 * struck and kind is soft else 0.0, 0.5)
+    gap = rng.uniform(-0.1 if k < 100 * struck and kind is soft else nearest, nearest + 0.5)
     return vi.Stop(direction=direction, gap=gap, motion=moves, **kind)
 
 
@@ -196,7 +198,7 @@ def difference(seed, model, q, speed, most=20):
     rates of contacts. A contact that is not over has no known impulse.
     """
     trajectory = follow(linear(model), q, speed, impacts=most, most_periods=30, cut=1e-9 * model.velocity_scale)
-    number = len(trajectory.impacts)
+    number = min(len(trajectory.impacts), most)  # several at one instant may be more
     if not number:
         return 0, 0.0, ""
     near = q + 1e-9 * np.random.default_rng(seed).normal(size=len(q))

@@ -103,6 +103,7 @@ class Leaping:
             )
         rows[k.turn : k.turn + 2] = np.sin(angle), np.cos(angle)
         rows[k.gap : k.gap + k.stops], rows[k.kind : k.kind + k.stops] = gaps, kinds
+        rows[k.calm] = np.inf  # all stops are looked at
         before = rows.copy()
         look(rows, k, None)
         if length == FAR:

@@ -52,8 +52,8 @@ pytestmark = pytest.mark.usefixtures("modal_engine")
         ({"stops": [0.1]}, r"`stops\[0\]` must be a Stop, got 0.1"),
         ({"stops": [vi.Stop(direction=1, gap=0.1)]}, r"`stops\[0\].direction` must have 2 numbers, .*, got 1"),
         (
-            {"stops": [vi.Stop(direction=[1, at], gap=1) for at in range(6)]},
-            r"`stops` must have at most 5 entries, got 6",
+            {"stops": [vi.Stop(direction=[1, at], gap=1) for at in range(65)]},
+            r"`stops` must have at most 64 entries, got 65",
         ),
         (
             {"stops": [vi.Stop(direction=[1, at], gap=1, name="a") for at in (0, 1)]},

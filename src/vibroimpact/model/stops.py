@@ -29,7 +29,7 @@ from vibroimpact.parameters import (
     whole_number,
 )
 
-STOPS = 5  # at most: an impact is solved over all subsets of stops
+STOPS = 64  # at most: a set of stops is the bits of a number
 
 
 def vector(name: str, value: Any, kind: type = np.float64) -> Any:

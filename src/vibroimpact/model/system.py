@@ -54,7 +54,7 @@ class ImpactSystem(ByValue):
     force : Force
         The load, with the frequency that sets the period.
     stops : sequence of Stop
-        At most five; a stop without a name is named by its position, ``stop_1`` first.
+        At most 64; a stop without a name is named by its position, ``stop_1`` first.
 
     Raises
     ------

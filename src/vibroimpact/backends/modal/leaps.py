@@ -23,8 +23,38 @@ def prepare_leaps(k: Layout, table: Floats) -> None:
     """Leave, in the rows of cells, the flows of leaps and bounds of what the clearances do on the way."""
     for first in range(0, len(table), _AT_ONCE):
         _prepare(k, table[first : first + _AT_ONCE])
+        _set_barriers(k, table[first : first + _AT_ONCE])
     if k.compliant and k.modes == 1:
         _prepare_contacts(k, table)
+
+
+def _set_barriers(k: Layout, table: Floats) -> None:
+    """Leave what reaching each stop takes, and how fast loads can bring that: the head of `kernels.systems.reach`."""
+    n, s, m = k.modes, k.stops, k.harmonics
+    square, load, alpha, weight = (
+        _block(table, k.square, n),
+        _block(table, k.load, n),
+        _block(table, k.alpha, s, n),
+        _block(table, k.weight, n),
+    )
+    force, motion = _block(table, k.force, n, m, 2), _block(table, k.motion, s, m, 2)
+    damping, root = _block(table, k.damping, n, n), np.sqrt(weight)
+    sprung = square > 0.0
+    stiff = np.where(sprung, square, 1.0)
+    static = np.where(sprung, load / stiff, 0.0)
+    scaled = root[:, :, None] * damping / root[:, None]
+    scaled = 0.5 * (scaled + scaled.swapaxes(1, 2))
+    drags = np.linalg.eigvalsh(scaled).min(axis=-1) >= -1e-12 * np.abs(scaled).sum(axis=(1, 2))
+    give = np.einsum("csj,cj->cs", alpha**2, np.where(sprung, 1.0 / (weight * stiff), 0.0))
+    felt = (alpha != 0.0) & ~sprung[:, None]
+    room = _block(table, k.gap, s) - np.einsum("csj,cj->cs", alpha, static)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        barrier = room / np.sqrt(give)
+    still = drags & (motion == 0.0).all(axis=(1, 2, 3))
+    barrier = np.where(still[:, None] & ~felt.any(axis=-1) & np.isfinite(barrier), barrier, -np.inf)
+    power = np.sqrt((weight * np.hypot(force[..., 0], force[..., 1]).sum(axis=-1) ** 2).sum(axis=-1))
+    _block(table, k.static, n)[:], _block(table, k.barrier, s)[:] = static, (1.0 - 1e-9) * barrier
+    table[:, k.growth] = 1.0 / np.maximum(power, 1e-300)
 
 
 def _block(table: Floats, first: int, *shape: int) -> Floats:

@@ -52,7 +52,7 @@ class _Recorder:
         self._buffers = walk.Record(impacts, np.zeros((wide, looks, 2 * k.modes)), rests, filled)
         owner, ends = np.full(LANES, -1), np.full(LANES, walk.GOES_ON)
         before = np.zeros(k.rows * LANES if looks else 0)
-        notes, (rows, spare) = np.zeros((wide, noted(k))), np.zeros((2, k.rows))
+        notes, rows, spare = np.zeros((wide, noted(k))), np.zeros((wide, k.rows)), np.zeros(k.rows)
         self._busy = walk.Busy(aligned(k.rows * LANES), owner, notes, ends, before, rows, spare)
         self._rows = self._busy.lanes.reshape(-1, LANES)
         self._recorded: list[tuple[list[Floats], list[Floats]]] = [([], []) for _ in range(wide)]

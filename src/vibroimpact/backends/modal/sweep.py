@@ -58,7 +58,7 @@ def room_for(layout: Layout) -> Room:
     n, s, parts = layout.modes, max(layout.stops, 1), 1 + 2 * layout.harmonics
     by_axis: list[Any] = [*[(n, n)] * 4, *[n] * 5, *[(parts, n)] * 3, *[(s, n)] * 2, (s, parts), *[n] * 3]
     of_phase = form.Form(*map(np.zeros, [*by_axis, (2 * n, 2 * n + 1)]))
-    of_stops: list[Any] = [(s, s), (s, s + 1), *[s] * 7, *[n] * 3]
+    of_stops: list[Any] = [(s, s), (s, s + 1), *[s] * 7, *[n] * 3, *[s] * 2]
     return Room(*[*map(np.zeros, of_stops), of_phase])
 
 
@@ -93,7 +93,7 @@ class SystemSweep:
         """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""
         k = self.layout
         memory, notes, owner = aligned(k.rows * LANES), aligned(noted(k) * LANES), np.full(LANES, -1)
-        rows, note, ended, busy = np.zeros(k.rows), np.zeros(noted(k)), np.empty(4096, np.int64), 1
+        rows, note, ended, busy = np.zeros((LANES, k.rows)), np.zeros(noted(k)), np.empty(4096, np.int64), 1
         layout, room, alone = InMemory(k), InMemory(room_for(k)), InMemory(alone_for(k))
         while busy and not stopped():
             number, busy = lanes.run_lanes(

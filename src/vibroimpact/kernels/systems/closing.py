@@ -84,15 +84,15 @@ def _advance(rows, k, room, note, window, alone, impacts):
     for _ in range(WALK):
         go_on(lanes, notes, k, window)
         if lanes[k.hit * LANES] != NOTHING:
-            lift(lanes, 0, rows)
-            lift(notes, 0, note)
+            lift(lanes, 0, rows, k.fixed)
+            lift(notes, 0, note, len(note))
             occur(rows, k, room, note, window)
             lower_alike(lanes, rows, k.constants)
             lower_alike(notes, note, len(note))
         if notes[HITS * LANES] >= until or lanes[k.lawless * LANES] > 0.0:
             break
-    lift(lanes, 0, rows)
-    lift(notes, 0, note)
+    lift(lanes, 0, rows, k.fixed)
+    lift(notes, 0, note, len(note))
     return note[HITS] == until and rows[k.lawless] == 0.0
 
 
@@ -139,7 +139,7 @@ def _walk(room, alone, impacts, first):
         walk_on(lanes, k)
         hard = 0
         for lane in range(min(LANES, 2 * k.modes - first) if lanes[k.hit * LANES] != NOTHING else 0):
-            lift(lanes, lane, rows)
+            lift(lanes, lane, rows, k.fixed)
             hard, speed, size = _cross(rows, k, room)
             weakest = min(weakest, speed)
             lost |= all_held(rows, k)
@@ -150,12 +150,12 @@ def _walk(room, alone, impacts, first):
                 later = max(later, size)
             else:
                 largest = max(largest, size)
-            lower(lanes, lane, rows, k.constants)
+            lower(lanes, lane, rows, k.fixed)
         number += hard
         if number >= impacts or lanes[k.lawless * LANES] > 0.0:
             break
     for lane in range(min(LANES, 2 * k.modes - first)):
-        lift(lanes, lane, rows)
+        lift(lanes, lane, rows, k.fixed)
         leave_centre(rows, k, None)
         for j in range(2 * k.modes):
             alone.jacobian[j, first + lane] = 0.0 if lost else rows[k.deta + j]
@@ -314,7 +314,7 @@ def stays_pressed(rows, k, room, note, window, alone):
             return False
         lower_alike(lanes, work, k.constants)
         walk_on(lanes, k)
-        lift(lanes, 0, work)
+        lift(lanes, 0, work, k.fixed)
         if lanes[k.hit * LANES] == NOTHING:
             continue
         pushed = work[k.kind + int(work[k.which])] >= CLOSED

@@ -27,6 +27,7 @@ from vibroimpact.kernels.systems.march import (
     note_rests,
 )
 from vibroimpact.kernels.systems.push import meet
+from vibroimpact.kernels.systems.reach import look_around
 from vibroimpact.kernels.systems.step import step
 from vibroimpact.kernels.systems.tangent import before, cross_one, has_lost_all, measure_growth, pass_over, recur
 from vibroimpact.kernels.vectors import LANES, anywhere, get, put, select
@@ -36,9 +37,9 @@ FIRST_LOOK = 32.0  # impacts until one is watched for
 
 
 @inner
-def lift(lanes, lane, cell):
-    """Copy a lane into a cell."""
-    for row in range(len(cell)):
+def lift(lanes, lane, cell, number):
+    """Copy so many numbers of a lane into a cell."""
+    for row in range(number):
         cell[row] = lanes[row * LANES + lane]
 
 
@@ -101,6 +102,8 @@ def _is_plain(k):
 @deferred("steps of systems", 4, by_kind=True)
 def _walk_on(lanes, k):
     """Make leaps as far as they are certified, half a one before and after whole ones, and a step."""
+    if not k.wary:  # near-misses are those of all stops
+        look_around(lanes, k, 0)
     willing = leapt = may_leap(lanes, k, 0)
     if anywhere(willing):
         look(lanes, k, 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from vibroimpact.kernels.flight import BARELY, turned
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.layout import CLOSED, OPEN
+from vibroimpact.kernels.systems.reach import in_reach
 from vibroimpact.kernels.systems.series import (
     SIZE,
     evaluate,
@@ -17,7 +18,7 @@ from vibroimpact.kernels.systems.series import (
     times,
     wave,
 )
-from vibroimpact.kernels.vectors import fma, get, put, select
+from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 
 @inner(forceinline=True)
@@ -114,13 +115,15 @@ def couple(rows, k, wide, last, held, loaded):
         store(rows, k.pull + j * SIZE, wide, _forced(rows, j, pace, k, wide))
         if not loaded:
             store(rows, k.pull + j * SIZE, wide, wave(0.0 * b0, 0.0 * b0, 0.0 * b0))
+    acting = _acting(rows, s, k, wide)
     for z in range(s):
-        start = get(rows, k.gap + z, wide)
-        store(rows, k.stop + z * SIZE, wide, driven(rows, start, k.motion + 2 * k.harmonics * z, pace, k, wide))
-        if not loaded:
-            store(rows, k.stop + z * SIZE, wide, wave(0.0 * start, 0.0 * start, 0.0 * start))
-    for z in range(s if k.compliant else 0):
-        put(rows, k.near + s + z, wide, clearance(rows, z, 0, k, wide))
+        if acting >> z & 1:
+            start = get(rows, k.gap + z, wide)
+            store(rows, k.stop + z * SIZE, wide, driven(rows, start, k.motion + 2 * k.harmonics * z, pace, k, wide))
+            if not loaded:
+                store(rows, k.stop + z * SIZE, wide, wave(0.0 * start, 0.0 * start, 0.0 * start))
+            if k.compliant:
+                put(rows, k.near + s + z, wide, clearance(rows, z, 0, k, wide))
     for o in range(last - 1):
         for j in range(n):
             b = pace * pace * get(rows, k.pull + j * SIZE + o, wide)
@@ -131,20 +134,44 @@ def couple(rows, k, wide, last, held, loaded):
             put(rows, k.flight + j * SIZE + o + 2, wide, b)
         if k.compliant:
             for z in range(s):
-                _push(rows, z, o, pace, k, wide)
-        for z in range(s if k.rigid else 0):
+                if acting >> z & 1:
+                    _push(rows, z, o, pace, k, wide)
+        if k.rigid:
+            _hold(rows, acting, o, s, k, wide)
+
+
+@inner(forceinline=True)
+def _acting(rows, s, k, wide):
+    """Return the stops closed or pushing in some lane; all those of a cell alone, as others read its derivatives."""
+    acting = int(0.0)
+    for z in range(s):
+        acts = wide is None
+        if not acts:
+            acts = anywhere(get(rows, k.kind + z, wide) >= CLOSED)
+        acting |= int(acts) << z
+    return acting
+
+
+@inner(forceinline=True)
+def _hold(rows, acting, o, s, k, wide):
+    """Leave a derivative of the forces that hold the closed clearances where they are, and let them act."""
+    for z in range(s):
+        if acting >> z & 1:
             put(rows, k.near + z, wide, clearance(rows, z, o + 2, k, wide))
-        for z in range(s if k.rigid else 0):
-            force = 0.0 * get(rows, k.near + z, wide)
-            for y in range(s):
+    for z in range(s):
+        if not acting >> z & 1:
+            continue
+        force = 0.0 * get(rows, k.near + z, wide)
+        for y in range(s):
+            if acting >> y & 1:
                 force = fma(-get(rows, k.held + z * s + y, wide), get(rows, k.near + y, wide), force)
-            if k.compliant:
-                pushes = get(rows, k.spring + z, wide) > 0.0
-                force = select(pushes, 0.0, force)
-                put(rows, k.hold + z * SIZE + o, wide, select(pushes, get(rows, k.hold + z * SIZE + o, wide), force))
-            else:
-                put(rows, k.hold + z * SIZE + o, wide, force)
-            _pull(rows, z, o, force, k, wide)
+        if k.compliant:
+            pushes = get(rows, k.spring + z, wide) > 0.0
+            force = select(pushes, 0.0, force)
+            put(rows, k.hold + z * SIZE + o, wide, select(pushes, get(rows, k.hold + z * SIZE + o, wide), force))
+        else:
+            put(rows, k.hold + z * SIZE + o, wide, force)
+        _pull(rows, z, o, force, k, wide)
 
 
 @inner(forceinline=True)
@@ -260,5 +287,6 @@ def move(rows, x, close, k, wide):
     begun = select((s < -BARELY) & (s1 >= -BARELY), 1.0, 0.0)
     put(rows, k.turn + 2, wide, get(rows, k.turn + 2, wide) + begun)
     for z in range(k.stops):
-        kind = get(rows, k.kind + z, wide)
-        put(rows, k.kind + z, wide, select((x > 0.0) | close, select(kind >= CLOSED, CLOSED, OPEN), kind))
+        if anywhere(in_reach(rows, z, k, wide)):
+            kind = get(rows, k.kind + z, wide)
+            put(rows, k.kind + z, wide, select((x > 0.0) | close, select(kind >= CLOSED, CLOSED, OPEN), kind))

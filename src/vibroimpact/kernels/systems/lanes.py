@@ -70,20 +70,21 @@ def _begin_thoroughly(rows, k, room, note, closing, window):
 @inner(inline="always")
 def _unusual(lanes, lane, notes, rows, note, k, room, window):
     """Make what ended a lane's step, on the cell alone."""
-    lift(lanes, lane, rows)
-    lift(notes, lane, note)
+    held = lanes[k.closed * LANES + lane] > 0.0  # what holds is zero else, here and in the lane
+    lift(lanes, lane, rows, k.fixed if held else k.held)
+    lift(notes, lane, note, len(note))
     occur(rows, k, room, note, window)
-    lower(lanes, lane, rows, k.constants)
+    lower(lanes, lane, rows, k.fixed if held or rows[k.closed] > 0.0 else k.held)
     lower(notes, lane, note, len(note))
 
 
 @inner(inline="always")
 def _close(lanes, lane, notes, rows, note, k, room, window, alone):
     """Look whether the cell in a lane has settled on a cycle; if so, leave out what is known."""
-    lift(lanes, lane, rows)
-    lift(notes, lane, note)
+    lift(lanes, lane, rows, k.fixed)
+    lift(notes, lane, note, len(note))
     close(rows, k, room, note, window, alone)
-    lower(lanes, lane, rows, k.constants)
+    lower(lanes, lane, rows, k.fixed)
     lower(notes, lane, note, len(note))
 
 
@@ -95,8 +96,8 @@ def _ended(lanes, lane, notes, rows, note, k, room, window, alone):
     still = k.compliant and repetition_is_due(notes, LANES, lane, lanes[(k.turn + 2) * LANES + lane])
     if lawful and hits < window.total and steps <= notes[GRANTED * LANES + lane] and age <= QUIET_FOR and not still:
         return RUNNING
-    lift(lanes, lane, rows)
-    lift(notes, lane, note)
+    lift(lanes, lane, rows, k.fixed)
+    lift(notes, lane, note, len(note))
     note[STEPS] = steps
     end = ending(rows, k, room, note, window.total)
     notes[DUE * LANES + lane] = note[DUE]
@@ -107,33 +108,33 @@ def _ended(lanes, lane, notes, rows, note, k, room, window, alone):
 
 @compiled("maps of systems", 3)
 def run_lanes(
-    table, budgets, results, ends, tickets, lanes, owner, notes, ended, rows, note, k, room, window, alone, looks
+    table, budgets, results, ends, tickets, lanes, owner, notes, ended, cells, note, k, room, window, alone, looks
 ):  # fmt: skip
     """Step lanes until so many looks are made or cells ended; return how many ended, and how many lanes are busy."""
     number, busy = 0, 0
     for lane in range(LANES):
         if owner[lane] == -1:
-            owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room, window)
+            owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, cells[lane], note, k, room, window)
     for _ in range(looks):
         for _ in range(LOOK):
             go_on(lanes, notes, k, window)
             if anywhere(get(lanes, k.hit, 0) > NOTHING):
                 for lane in range(LANES):
                     if lanes[k.hit * LANES + lane] != NOTHING and owner[lane] >= 0:
-                        _unusual(lanes, lane, notes, rows, note, k, room, window)
+                        _unusual(lanes, lane, notes, cells[lane], note, k, room, window)
         busy = 0
         for lane in range(LANES):
             if owner[lane] < 0:
                 continue
             if window.closes and notes[RETURNED * LANES + lane] > 0.0:
-                _close(lanes, lane, notes, rows, note, k, room, window, alone)
-            end = _ended(lanes, lane, notes, rows, note, k, room, window, alone)
+                _close(lanes, lane, notes, cells[lane], note, k, room, window, alone)
+            end = _ended(lanes, lane, notes, cells[lane], note, k, room, window, alone)
             if end != RUNNING:
                 copy(note, results[owner[lane]])
                 ends[owner[lane]] = end
                 ended[number] = owner[lane]
                 number += 1
-                owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room, window)
+                owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, cells[lane], note, k, room, window)
             busy += owner[lane] >= 0
         if busy == 0 or number + LANES > len(ended):
             break

@@ -31,8 +31,9 @@ from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary
 from vibroimpact.kernels.systems.flow import stop_moves, turns
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, OPEN, RELEASED, STRUCK
 from vibroimpact.kernels.systems.push import attend, stands
+from vibroimpact.kernels.systems.reach import in_reach
 from vibroimpact.kernels.systems.rest import NOWHERE, SHORTENED, TOUCH, derivative, derive, hold, measure, settle
-from vibroimpact.kernels.vectors import get, put, select
+from vibroimpact.kernels.vectors import anywhere, get, put, select
 
 ENDLESS = 0.1  # of 1 - r: with less of (1 - p)(1 - r) a chatter is taken to end at no time
 
@@ -104,6 +105,8 @@ def bounce(rows, k, wide):
         usual = usual & (get(rows, k.engaged, wide) <= 0.0)
     rate = gram = r = 0.0 * which
     for y in range(k.stops):
+        if not anywhere(in_reach(rows, y, k, wide)):
+            continue
         at_y, gap = which == float(y), get(rows, k.gap + y, wide)
         u, w = stop_moves(rows, y, get(rows, k.turn, wide), get(rows, k.turn + 1, wide), k, wide)
         size, inverse = abs(gap), 0.0 * gap
@@ -122,6 +125,8 @@ def bounce(rows, k, wide):
     impulse = select(usual, -(1.0 + r) * rate / gram, 0.0)
     for y in range(k.stops):
         at_y, kind = usual & (which == float(y)), get(rows, k.kind + y, wide)
+        if not anywhere(at_y):
+            continue
         push = select(at_y, impulse, 0.0)
         for j in range(n):
             kick = get(rows, k.jump + y * n + j, wide) * push
@@ -187,7 +192,7 @@ def _collide(rows, k, room, struck, beside, weak):
         if involved >> y & 1:
             rate = -room.speed[y]
             for x in range(s):
-                rate += room.gram[y, x] * room.impulse[x]
+                rate += room.gram[y, x] * room.impulse[x] if involved >> x & 1 else 0.0
             leaves = rate > max(ROUNDING * fastest, HOLD * rows[k.cut])  # so slow, what presses holds
             rows[k.kind + y] = STRUCK if leaves else OPEN
             rest |= 0 if leaves else 1 << y

@@ -20,34 +20,36 @@ def _sizes(n: int, s: int, m: int, flow: int, thorough: bool, compliant: bool, f
 
     `eta`, `rate` (eta' in steps), `turn` (sin wt, cos wt, whole periods) are the state; `kind` says how each stop is
     left or held; `age` and `steps` count the steps flown since an event and in all; `held` is the inverse of alpha
-    M^-1 alpha^T over the closed stops, and `closed` how many there are; `deta` and `drate` are a deviation, `reference`
-    is the state (eta, rate, sin wt, cos wt) at an impact to which the motion may return, and `missed` what the closest
-    near-miss of each stop since the last impact left; `lawless` says that a law of restitution failed. Of compliant
-    stops `leaving` says which one has let go and is still pushed in, `engaged` counts those and the ones that push,
-    `pace` is the length of a step while they do, as a part of it, and `thrust`, `work`, `pushed`, `peak` and `depth`
-    are impulse, energy taken, time, largest force and penetration of the contact; `drained` is the energy that dampers
-    took. The others up to `constants` are constant, with the addresses of laws of restitution (`law`, 0 where it is a
-    number), the length of a step in s (`tick`), the flows of leaps, `halves`, `wholes`, `fars` and those
-    `within` contacts, `flow` numbers a mode, and `lift`, what accelerates the clearances. Of far leaps `slow` and
-    `drawn` are the parts of `alpha` and `lift` that slow modes have, and `reach` is how far fast ones swing. Of a
+    M^-1 alpha^T over the closed stops, and `closed` how many there are; `remote` marks stops that are out of reach
+    for `calm` steps; `passed`, `which` and `hit` are how long a step was and what ended it; `deta` and `drate` are a
+    deviation, `reference` is the state (eta, rate, sin wt, cos wt) at an impact to which the motion may return, and
+    `missed` what the closest near-miss of each stop since the last impact left; `lawless` says that a law of
+    restitution failed. Of compliant stops `leaving` says which one has let go and is still pushed in, `engaged`
+    counts those and the ones that push, `pace` is the length of a step while they do, as a part of it, and `thrust`,
+    `work`, `pushed`, `peak` and `depth` are impulse, energy taken, time, largest force and penetration of the
+    contact; `drained` is the energy that dampers took. From `fixed` up to `constants` they are constant, with what it
+    takes to reach a stop (`static`, `barrier` and `growth` of `reach`), the addresses of laws of restitution (`law`,
+    0 where it is a number), the length of a step in s (`tick`), the flows of leaps, `halves`, `wholes`, `fars` and
+    those `within` contacts, `flow` numbers a mode, and `lift`, what accelerates the clearances. Of far leaps `slow`
+    and `drawn` are the parts of `alpha` and `lift` that slow modes have, and `reach` is how far fast ones swing. Of a
     free centre `neutral` marks the amplitudes and rates that nothing depends on: no deviation counts there. From
     `pairs` on it is room to work.
     """
     leap = n * flow + 2 + s * (1 + 2 * n)
     return {
-        "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "steps": 1, "closed": 1, "held": s * s, "lawless": 1,
+        "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "steps": 1, "closed": 1, "lawless": 1,
         "deta": n, "drate": n, "reference": (2 * n + 2) * thorough, "missed": s * thorough,
-        "leaving": s, "engaged": 1, "pace": 1, "thrust": s, "work": s, "pushed": s, "peak": s, "depth": s, "entry": s,
-        "drained": 1,
+        "remote": s, "leaving": s, "engaged": 1, "pace": 1, "thrust": s, "work": s, "pushed": s, "peak": s, "depth": s,
+        "entry": s, "drained": 1, "passed": 1, "which": 1, "hit": 1, "calm": 1, "held": s * s, "fixed": 0,
         "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
         "gap": s, "motion": 2 * m * s, "restitution": s, "law": s, "tick": 1,
         "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
-        "margin": s, "give": s, "slide": n, "sliding": s * n, "lift": s * (n + 1 + 2 * m),
-        "halves": leap, "wholes": leap, "fars": leap * far, "slow": s * n * far, "drawn": s * (n + 1 + 2 * m) * far,
-        "reach": s * (1 + 2 * n) * far, "within": 2 * s * (flow + 3) * (compliant and n == 1),
-        "neutral": 2 * n * free, "constants": 0,
+        "margin": s, "give": s, "static": n, "barrier": s, "growth": 1, "slide": n, "sliding": s * n,
+        "lift": s * (n + 1 + 2 * m), "halves": leap, "wholes": leap, "fars": leap * far, "slow": s * n * far,
+        "drawn": s * (n + 1 + 2 * m) * far, "reach": s * (1 + 2 * n) * far,
+        "within": 2 * s * (flow + 3) * (compliant and n == 1), "neutral": 2 * n * free, "constants": 0,
         "pairs": 2 * max(m, 1), "flight": n * SIZE, "pull": n * SIZE, "leapt": 2 * n, "apart": 4 * s,
-        "stop": s * SIZE, "hold": s * SIZE, "near": SIZE, "passed": 1, "which": 1, "hit": 1,
+        "stop": s * SIZE, "hold": s * SIZE, "near": max(SIZE, 2 * s),
     }  # fmt: skip
 
 

@@ -47,9 +47,10 @@ from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.flow import move, stop_moves, turns
 from vibroimpact.kernels.systems.layout import CLOSED, OPEN, STRUCK
 from vibroimpact.kernels.systems.push import account, drain, stands
+from vibroimpact.kernels.systems.reach import SPAN, in_reach
 from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH
 from vibroimpact.kernels.systems.step import fly, miss
-from vibroimpact.kernels.vectors import anywhere, fma, get, most, put, select
+from vibroimpact.kernels.vectors import anywhere, fma, get, most, no, put, select
 
 # Before a step come a half, far ones and wholes while they are certified, up to so many of each, and a half again.
 # Lengths are in steps.
@@ -112,6 +113,8 @@ def _apart(rows, z, alpha, lift, amplitude, sine, cosine, k, wide):
 def look(rows, k, wide):
     """Leave what leaps need to know of the clearances where they begin."""
     for z in range(k.stops):
+        if not anywhere(in_reach(rows, z, k, wide)):
+            continue
         s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
         u, w = _apart(rows, z, k.alpha, k.lift, k.eta, s, c, k, wide)
         put(rows, k.apart + 2 * z, wide, u)
@@ -149,6 +152,9 @@ def leap(rows, k, wide, whole, willing):
     s, _, (s1, c1) = _fly_over(rows, first, k, wide)
     beyond = k.apart + 2 * k.stops
     for z in range(k.stops):
+        near = in_reach(rows, z, k, wide)
+        if not anywhere(near):
+            continue
         u0, w0 = get(rows, k.apart + 2 * z, wide), get(rows, k.apart + 2 * z + 1, wide)
         u1, w1 = _apart(rows, z, k.alpha, k.lift, k.leapt, s1, c1, k, wide)
         put(rows, beyond + 2 * z, wide, u1)
@@ -157,15 +163,18 @@ def leap(rows, k, wide, whole, willing):
         struck = kind == STRUCK
         u0 = select(struck, 0.0, u0)
         room = u0 + u1 + 2.0 * math.sqrt(select(u0 > 0.0, u0 * u1, 0.0))
-        willing = willing & (struck | ((kind == OPEN) & (u0 > 0.0)))
+        certain = struck | ((kind == OPEN) & (u0 > 0.0))
         sag = 0.5 * length * length * _bend(rows, first, z, w0, w1, k, wide)
-        willing = willing & (u1 > 0.0) & (room > sag)
+        willing = willing & (no(near) | (certain & (u1 > 0.0) & (room > sag)))
         if k.wary:
             put(rows, k.near + z, wide, select(_above(u0, u1, sag, get(rows, k.missed + z, wide)), 0.0, 1.0))
     if k.wary:
         _search(rows, willing, length + 0.0 * s, k, wide)
-    for row in range(2 * k.stops):
-        put(rows, k.apart + row, wide, select(willing, get(rows, beyond + row, wide), get(rows, k.apart + row, wide)))
+    for z in range(k.stops):
+        if anywhere(in_reach(rows, z, k, wide)):
+            for row in (k.apart + 2 * z, k.apart + 2 * z + 1):
+                passed = get(rows, row + 2 * k.stops, wide)
+                put(rows, row, wide, select(willing, passed, get(rows, row, wide)))
     _take(rows, willing, s, s1, c1, first, length, k, wide)
     return willing
 
@@ -176,7 +185,12 @@ def leap_far(rows, k, wide, willing):
     number = 0
     while number < LEAPS and anywhere(willing):
         s, c, (s1, c1) = _fly_over(rows, k.fars, k, wide)
+        if not k.wary:
+            willing = willing & (FAR * (number + 1.0) + SPAN <= get(rows, k.calm, wide))
         for z in range(k.stops):
+            near = in_reach(rows, z, k, wide)
+            if not anywhere(near):
+                continue
             at = k.reach + z * (1 + 2 * k.modes)
             away = get(rows, at, wide)
             for j in range(k.modes):
@@ -187,7 +201,8 @@ def leap_far(rows, k, wide, willing):
             u0, w0 = _apart(rows, z, k.slow, k.drawn, k.eta, s, c, k, wide)
             u1, w1 = _apart(rows, z, k.slow, k.drawn, k.leapt, s1, c1, k, wide)
             sag = 0.5 * FAR * FAR * _bend(rows, k.fars, z, w0, w1, k, wide)
-            willing = willing & (get(rows, k.kind + z, wide) == OPEN) & _above(u0, u1, sag, away)
+            certain = (get(rows, k.kind + z, wide) == OPEN) & _above(u0, u1, sag, away)
+            willing = willing & (no(near) | certain)
         if anywhere(willing):
             _take(rows, willing, s, s1, c1, k.fars, FAR, k, wide)
         number += 1
@@ -225,8 +240,9 @@ def _take(rows, certain, s, s1, c1, first, length, k, wide):
             put(rows, k.leapt + k.modes + j, wide, p1)
         _put(rows, certain, k.deta, k.drate, k, wide)
     for z in range(k.stops):
-        kind = get(rows, k.kind + z, wide)
-        put(rows, k.kind + z, wide, select(certain, OPEN, kind))
+        if anywhere(in_reach(rows, z, k, wide)):
+            kind = get(rows, k.kind + z, wide)
+            put(rows, k.kind + z, wide, select(certain, OPEN, kind))
     c = get(rows, k.turn + 1, wide)
     put(rows, k.turn, wide, select(certain, s1, s))
     put(rows, k.turn + 1, wide, select(certain, c1, c))

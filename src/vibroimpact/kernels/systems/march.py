@@ -230,6 +230,8 @@ def add(notes, k, wide, hit, z, v, energy, impulse, sine, cosine, periods, windo
     mark(notes, ENDED, wide, last, sine, cosine, periods)
     for y in range(k.stops):
         at, at_y = SUMS + y * EACH, kept & (z == float(y))
+        if not anywhere(at_y):
+            continue
         count, first = get(notes, at + COUNT, wide), get(notes, at + FIRST, wide)
         first = select(at_y & (count <= 0.0), v, first)
         put(notes, at + FIRST, wide, first)
@@ -286,7 +288,7 @@ def add_all(rows, k, room, note, struck, window):
         if struck >> z & 1 and room.speed[z] >= rows[k.cut]:
             v, after = room.speed[z], -room.speed[z]
             for y in range(k.stops):
-                after += room.gram[z, y] * room.impulse[y]
+                after += room.gram[z, y] * room.impulse[y] if room.impulse[y] > 0.0 else 0.0
             lost = 0.5 * (v - after) * room.impulse[z]  # -(w- + w+) P/2
             now = rows[turn], rows[turn + 1], rows[turn + 2]
             add(note, k, None, v >= 0.0, float(z), v, lost, room.impulse[z], *now, window)

@@ -6,9 +6,10 @@ from numba import types
 
 from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary, solve
+from vibroimpact.kernels.systems.complementarity import FEW, PIVOTS, ROUNDING, complementary, solve
 from vibroimpact.kernels.systems.flow import fly_together, stop_moves, turns
-from vibroimpact.kernels.systems.layout import BALANCED, CLOSED, PASSING, RELEASED, RESTING
+from vibroimpact.kernels.systems.layout import BALANCED, CLOSED, OPEN, PASSING, RELEASED, RESTING
+from vibroimpact.kernels.systems.reach import in_reach
 from vibroimpact.kernels.systems.series import DEGREE, SIZE
 
 SHORTENED = 4  # the highest derivative that most decisions take
@@ -20,8 +21,11 @@ TOUCH, NOWHERE = 1e-12, 1e-15
 def measure(rows, k, room):
     """Leave the rates of all clearances and G; return the set of rigid stops in contact, closed ones left out."""
     n, s = k.modes, k.stops
-    touching = int(0.0)
+    touching, beside = int(0.0), int(0.0)
     for z in range(s):
+        room.rate[z] = 0.0
+        if not in_reach(rows, z, k, None):
+            continue
         u, w = stop_moves(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
         size = abs(rows[k.gap + z])
         for j in range(n):
@@ -32,11 +36,15 @@ def measure(rows, k, room):
         room.rate[z] = w
         if rows[k.kind + z] < CLOSED and rows[k.spring + z] == 0.0 and u <= TOUCH * size + NOWHERE * rows[k.speed]:
             touching |= 1 << z
-        for y in range(s):
-            total = 0.0
-            for j in range(n):
-                total += rows[k.alpha + z * n + j] * rows[k.jump + y * n + j]
-            room.gram[z, y] = total
+        if touching >> z & 1 or rows[k.kind + z] != OPEN or z == int(rows[k.which]):
+            beside |= 1 << z
+    for z in range(s):
+        for y in range(s if beside >> z & 1 else 0):
+            if beside >> y & 1:
+                total = 0.0
+                for j in range(n):
+                    total += rows[k.alpha + z * n + j] * rows[k.jump + y * n + j]
+                room.gram[z, y] = total
     return touching
 
 
@@ -72,6 +80,8 @@ def hold(rows, k, room, chosen):
     s, number = k.stops, 0
     for z in range(s):
         number += chosen >> z & 1
+        if not chosen >> z & 1 and rows[k.held + z * (s + 1)] == 0.0:
+            continue
         for y in range(s):
             room.free[y] = -1.0 if y == z else 0.0
         if chosen >> z & 1:
@@ -91,17 +101,22 @@ def settle(rows, k, room, members):
     hold(rows, k, room, int(0.0))
     derive(rows, k, SHORTENED)
     for z in range(s):
+        if not members >> z & 1:
+            continue
         room.free[z] = derivative(rows, z, 2, k)
         even |= (abs(room.free[z]) <= ROUNDING * size_of(rows, z, 2, k)) << z
     if even & members:
         return _settle_even(rows, k, room, members)
     chosen = complementary(room, members, s)
     for z in range(s):  # those that the others hold as well
+        if not members & ~chosen & 1 << z:
+            continue
         acceleration, size = room.free[z], abs(room.free[z])
         for y in range(s):
-            acceleration += room.gram[z, y] * room.solution[y]
-            size += abs(room.gram[z, y] * room.solution[y])
-        if members & ~chosen & 1 << z and acceleration <= ROUNDING * size:
+            if chosen >> y & 1:
+                acceleration += room.gram[z, y] * room.solution[y]
+                size += abs(room.gram[z, y] * room.solution[y])
+        if acceleration <= ROUNDING * size:
             return _settle_even(rows, k, room, members)
     for z in range(s):
         if members >> z & 1:
@@ -117,19 +132,10 @@ def _settle_even(rows, k, room, members):
 
     A stop that stays in balance is closed by no force.
     """
-    s, best, least = k.stops, int(0.0), k.stops + 1
-    for held in range(1 << s):
-        if held & ~members or not _regular(room, held, s):
-            continue
-        hold(rows, k, room, held)
-        derive(rows, k, DEGREE)
-        wrong = 0
-        for z in range(s):
-            wrong += members >> z & 1 and _leading(rows, z, k, held >> z & 1)[1] < 0.0
-        if wrong < least:
-            best, least = held, wrong
-        if wrong == 0:
-            break
+    s, number = k.stops, 0
+    for z in range(s):
+        number += members >> z & 1
+    best = _tried(rows, k, room, members) if number <= FEW else _pivoted(rows, k, room, members)
     hold(rows, k, room, best)
     derive(rows, k, DEGREE)
     closed = best
@@ -156,6 +162,56 @@ def _settle_even(rows, k, room, members):
         number += rank >> z & 1
     rows[k.closed] = number
     return closed
+
+
+@inner
+def _tried(rows, k, room, members):
+    """Return the set of stops, of all of a few, which held closed contradicts least."""
+    best, least, held = int(0.0), k.stops + 1, int(0.0)
+    while least > 0:
+        if _regular(room, held, k.stops):
+            wrong = 0
+            _hold_alone(rows, k, room, held)
+            for z in range(k.stops):
+                wrong += _is_wrong(rows, z, k, members, held)
+            if wrong < least:
+                best, least = held, wrong
+        held = (held - members) & members  # the next of their subsets
+        if held == 0:
+            break
+    return best
+
+
+@inner
+def _pivoted(rows, k, room, members):
+    """Return such a set of many stops: the first that contradicts it enters or leaves, the rule of K. G. Murty."""
+    held, given_up = int(0.0), int(0.0)
+    for _ in range(PIVOTS * k.stops):
+        _hold_alone(rows, k, room, held)
+        first = -1
+        for z in range(k.stops):
+            if first < 0 and not given_up >> z & 1 and _is_wrong(rows, z, k, members, held):
+                first = z
+        if first < 0:
+            break
+        if held >> first & 1 or _regular(room, held | 1 << first, k.stops):
+            held ^= 1 << first
+        else:  # the others hold it as well
+            given_up |= 1 << first
+    return held
+
+
+@inner
+def _hold_alone(rows, k, room, held):
+    """Hold a set of stops closed, and leave all derivatives under that."""
+    hold(rows, k, room, held)
+    derive(rows, k, DEGREE)
+
+
+@inner
+def _is_wrong(rows, z, k, members, held):
+    """Return whether a stop opens into its body, or is held by a force that pulls."""
+    return members >> z & 1 and _leading(rows, z, k, held >> z & 1)[1] < 0.0
 
 
 @inner

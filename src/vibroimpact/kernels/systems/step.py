@@ -30,6 +30,7 @@ from vibroimpact.kernels.systems.layout import (
     STRUCK,
 )
 from vibroimpact.kernels.systems.push import account, drain, set_free
+from vibroimpact.kernels.systems.reach import in_reach
 from vibroimpact.kernels.systems.series import (
     DEGREE,
     SIZE,
@@ -113,17 +114,21 @@ def _certify(rows, held, k, wide):
     zero is sought; leave what is watched of it.
     """
     one = 0.0 * get(rows, k.theta, wide) + 1.0
-    x, others, which, sought = one, one, 0.0 * one, one
+    x, others, which, sought = one, one, 0.0 * one, 0.0 * one
     for z in range(k.stops):
+        near = in_reach(rows, z, k, wide)
+        if not anywhere(near):
+            continue
         a = coefficients(_watched(rows, z, held, k, wide))
         kind = get(rows, k.kind + z, wide)
-        bound = certified(a, kind)
+        bound = select(near, certified(a, kind), 1.0)
         nearer = bound < x
         free = select((kind < OPEN) | (kind > PASSING), 0.0, one)
-        sought = select(nearer, free, sought) if z else free
+        sought = select(nearer, free, sought)
         others = select(nearer, x, select(bound < others, bound, others))
         x, which = select(nearer, bound, x), select(nearer, float(z) * one, which)
-        store(rows, k.near, wide, either(nearer, a, load(rows, k.near, wide)) if z else a)
+        if anywhere(nearer):
+            store(rows, k.near, wide, either(nearer, a, load(rows, k.near, wide)))
     return x, others, which, sought > 0.0
 
 

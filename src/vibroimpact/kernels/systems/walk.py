@@ -244,9 +244,10 @@ def _begin(rows, k, row, room):
 @compiled("starts of motions of systems", 1)
 def seat(busy, lane, k, row, room, record):
     """Put a cell, a row of its constants, into a lane."""
-    closing = _begin(busy.rows, k, row, room)
-    _note_rests(busy.rows, k, record, lane, room, closing)
-    lower(busy.lanes, lane, busy.rows, k.rows)
+    rows = busy.rows[lane]
+    closing = _begin(rows, k, row, room)
+    _note_rests(rows, k, record, lane, room, closing)
+    lower(busy.lanes, lane, rows, k.rows)
 
 
 @inner
@@ -254,9 +255,9 @@ def _look_at_all(busy, k, record, schedule):
     """Leave the states of all cells at the looks since the step before."""
     for lane in range(LANES):
         if busy.owner[lane] >= 0:
-            lift(busy.lanes, lane, busy.rows)
-            lift(busy.before, lane, busy.spare)
-            _look_on_way(busy.rows, busy.spare, k, record, lane, schedule)
+            lift(busy.lanes, lane, busy.rows[lane], k.rows)
+            lift(busy.before, lane, busy.spare, k.rows)
+            _look_on_way(busy.rows[lane], busy.spare, k, record, lane, schedule)
 
 
 @inner
@@ -273,7 +274,7 @@ def _bounce_all(lanes, k):
 @deferred("motions of systems", 3, by_kind=True)
 def _follow(busy, k, room, record, window, schedule, most, alone):
     """Follow cells until one ends or a buffer of its is full, or so many steps are made; leave why."""
-    lanes, rows, looking, over = busy.lanes, busy.rows, schedule.number > 0.0, False
+    lanes, looking, over = busy.lanes, schedule.number > 0.0, False
     for number in range(most):
         if looking:
             copy(lanes, busy.before)
@@ -295,10 +296,11 @@ def _follow(busy, k, room, record, window, schedule, most, alone):
                 due or hit != NOTHING or _is_complete(record, lane, note, schedule, window) or _is_full(k, record, lane)
             ):
                 continue
-            lift(lanes, lane, rows)
+            rows = busy.rows[lane]
+            lift(lanes, lane, rows, k.fixed)
             if hit != NOTHING:
                 _record_unusual(rows, k, room, note, record, lane, window)
-                lower(lanes, lane, rows, k.constants)
+                lower(lanes, lane, rows, k.fixed)
             busy.ends[lane] = _end(rows, k, room, note, record, lane, schedule, window, alone, due)
             over |= busy.ends[lane] != GOES_ON
         if over:
@@ -332,16 +334,16 @@ def carry_over(row, rows, k, room, lanes, before, first, periods, most):
         last, passed = passed, (now - began) + (later - phase)
         if passed >= periods:
             for lane in range(columns):
-                lift(before, lane, rows)
+                lift(before, lane, rows, k.fixed)
                 fly_on(rows, (periods - last) * TURN / rows[k.theta], k)
-                lower(lanes, lane, rows, k.constants)
+                lower(lanes, lane, rows, k.fixed)
             return True
         if lanes[k.hit * LANES] == NOTHING:
             continue
         for lane in range(LANES):
-            lift(lanes, lane, rows)
+            lift(lanes, lane, rows, k.fixed)
             happen_beside(rows, k, room)
-            lower(lanes, lane, rows, k.constants)
+            lower(lanes, lane, rows, k.fixed)
         if rows[k.lawless] > 0.0:
             return False
     return False
