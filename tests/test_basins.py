@@ -215,6 +215,13 @@ def test_chaos_is_one_attractor_and_keeps_its_exponent():
     assert again.mean_velocity == pytest.approx(chaos.mean_velocity, rel=0.02)
 
 
+def test_chaos_with_flights_too_long_to_watch_keeps_its_exponent_and_loss():
+    osc = vi.ImpactOscillator(omega=3.0415, gap=0.6965, restitution=0.6337, damping=0.0, amplitude=1.1442)
+    (chaotic,) = (one for one in vi.attractors(osc) if one.kind == "chaotic")
+    assert chaotic.lyapunov == pytest.approx(0.09, abs=0.01)
+    assert chaotic.dissipation == pytest.approx(0.018, abs=0.001)
+
+
 def test_chaos_that_does_not_last_is_not_believed():
     osc = vi.ImpactOscillator(omega=2.9)  # chaotic for hundreds of impacts, until a chatter is complete
     first = vi.impact_section(osc, start=at(osc, 0.5, 0.9), sample_impacts=100)

@@ -141,10 +141,11 @@ def settle(
     """
     settled = Settled.of(osc, cells)
     kind, status = settled.kind, settled.status
+    results = kind, status, *(column for name, column in settled.indices.items() if name != "steps")
     fate = partial(fate_of_release, runner, cells[:1])
     remaining, windows = np.arange(len(cells)), list(windows)
     for window in windows:
-        before = kind[remaining], status[remaining]
+        before = [column[remaining] for column in results]
         kind[remaining], status[remaining] = MotionClass.UNDECIDED, Status.INTERRUPTED
         undecided = len(remaining)
         watched = window == late(osc) or window is AFTER_LATE
@@ -154,7 +155,8 @@ def settle(
             report(settled, undecided)
         if watched:  # what is not followed to the end there stays what it was
             cut = (status[remaining] == Status.BUDGET) | (status[remaining] == Status.INTERRUPTED)
-            kind[remaining[cut]], status[remaining[cut]] = before[0][cut], before[1][cut]
+            for column, values in zip(results, before, strict=True):
+                column[remaining[cut]] = values[cut]
         resting = (status == Status.STICKING) & (settled.indices["n_periods"] == 0)
         resting &= np.isin(kind, (MotionClass.UNDECIDED, MotionClass.STICKING)) & osc.forgets
         stuck = remaining[resting[remaining]]

@@ -105,23 +105,20 @@ def striking(runner: Runner, settled: Settled, longest: ImpactWindow) -> Iterato
     endless, sticks = indices["n_periods"] == 0, settled.kind == MotionClass.STICKING
     repeats = np.flatnonzero(~endless & ((settled.kind == MotionClass.PERIODIC) | (sticks & (not forgets))))
 
-    def lead_to_cycle(at: int, cycle: SettledMotion, others: Counts) -> NDArray[np.bool_]:
-        return _members(settled, others, at, cycle)
-
-    def lead_to_chaos(_: int, chaos: SettledMotion, others: Counts) -> NDArray[np.bool_]:
+    def visitors(others: Counts, _: int, chaos: SettledMotion) -> NDArray[np.bool_]:
         short = ImpactWindow(longest.transient // SHORTER, max(longest.keep // SHORTER, 1))
         parts = np.split(others, range(SPREAD, len(others), SPREAD))
         samples = (one for part in parts for one in runner.samples(settled.cells[part], short))
         return np.array([chaos.visited(one.impact_phase, one.impact_velocity, one.impact_stop) for one in samples])
 
     yield from _distinct(
-        settled, cycle_groups(settled, repeats), partial(follow, runner, settled), lead_to_cycle, alike
+        settled, cycle_groups(settled, repeats), partial(follow, runner, settled), partial(_members, settled), alike
     )
     for at, motion, members in _distinct(
         settled,
         chaotic_groups(settled),
         lambda at, _: sample(runner, settled, at, longest),
-        lead_to_chaos,
+        visitors,
         lambda known, one: known.visited(one.phases, one.velocities, one.stops),
     ):
         exponent, loss = (float(indices[name][members].mean()) for name in ("lyapunov", "dissipation"))
@@ -136,7 +133,7 @@ def _distinct(
     settled: Settled,
     groups: list[Counts],
     followed: Callable[[int, list[SettledMotion]], SettledMotion],
-    lead: Callable[[int, SettledMotion, Counts], NDArray[np.bool_]],
+    lead: Callable[[Counts, int, SettledMotion], NDArray[np.bool_]],
     same: Callable[[SettledMotion, SettledMotion], bool],
 ) -> Iterator[tuple[int, SettledMotion, Counts]]:
     """Follow one initial condition after the other, until it is known of all which motion they lead to."""
@@ -145,7 +142,7 @@ def _distinct(
         while remaining.size:
             at = int(remaining[settled.indices["impacts"][remaining].argmin()])  # the one that settled first
             motion = followed(at, [other for _, other, _ in distinct])
-            leading = (remaining == at) | (settled.osc.forgets or lead(at, motion, remaining))
+            leading = (remaining == at) | (settled.osc.forgets or lead(remaining, at, motion))
             for _, other, members in distinct:
                 if same(other, motion):
                     members.append(remaining[leading])
