@@ -62,6 +62,8 @@ def test_a_system_that_is_one_mass_is_the_oscillator_that_it_is(backend):
     wanted = Measurement(ImpactWindow(2, 5), indices=tuple(engine.known_indices), by_stop=True)
     ours, theirs = (engine.indices(cells, wanted) for cells in (system.cells({}), alike))
     assert ours.keys() == theirs.keys()
+    if "first_phase" in ours:
+        theirs["first_phase"] -= ahead
     for name, values in ours.items():
         assert values == pytest.approx(theirs[name], rel=1e-9, abs=1e-12, nan_ok=True), name
     (mine,), (its,) = (engine.samples(cells, Measurement(ImpactWindow(2, 5))) for cells in (system.cells({}), alike))

@@ -13,9 +13,11 @@ from designs import RARE, RESTS, TRANSIENTS, random_oscillator
 from systems import THREE, TWINS
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.coexistence import Attractor
-from vibroimpact.coexistence.attractor import SAME, clusters, distinct_names, same_chaos
+from vibroimpact.coexistence.attractor import distinct_names
 from vibroimpact.coexistence.final import final_motion
 from vibroimpact.coexistence.measuring import Runner, cells_of
+from vibroimpact.coexistence.settling import clusters
+from vibroimpact.coexistence.striking import SAME, SettledMotion
 from vibroimpact.motion import Motion
 from vibroimpact.orbits import same_orbit
 from vibroimpact.orbits.orbit import Impacts
@@ -213,6 +215,13 @@ def test_chaos_is_one_attractor_and_keeps_its_exponent():
     assert again.mean_velocity == pytest.approx(chaos.mean_velocity, rel=0.02)
 
 
+def test_chaos_with_flights_too_long_to_watch_keeps_its_exponent_and_loss():
+    osc = vi.ImpactOscillator(omega=3.0415, gap=0.6965, restitution=0.6337, damping=0.0, amplitude=1.1442)
+    (chaotic,) = (one for one in vi.attractors(osc) if one.kind == "chaotic")
+    assert chaotic.lyapunov == pytest.approx(0.09, abs=0.01)
+    assert chaotic.dissipation == pytest.approx(0.018, abs=0.001)
+
+
 def test_chaos_that_does_not_last_is_not_believed():
     osc = vi.ImpactOscillator(omega=2.9)  # chaotic for hundreds of impacts, until a chatter is complete
     first = vi.impact_section(osc, start=at(osc, 0.5, 0.9), sample_impacts=100)
@@ -385,12 +394,10 @@ def test_cycles_are_the_same_whichever_of_their_impacts_they_begin_with():
 
 def test_chaos_is_told_apart_by_where_its_impacts_lie():
     whole = vi.impact_section(vi.ImpactOscillator(omega=2.8), sample_impacts=8000)
-    first, second = (
-        Impacts(whole["phase"].values[part], whole["velocity"].values[part])
-        for part in (slice(None, 4000), slice(4000, None))
-    )
-    assert same_chaos(first, second)
-    assert not same_chaos(first, Impacts((second.phases + 0.3) % 1.0, second.velocities))
+    phases, velocities, stops = whole["phase"].values, whole["velocity"].values, np.zeros(4000, int)
+    first = SettledMotion(phases[:4000], velocities[:4000], stops, vi.State(0.0), 0.1, 1.0)
+    assert first.visited(phases[4000:], velocities[4000:], stops)
+    assert not first.visited((phases[4000:] + 0.3) % 1.0, velocities[4000:], stops)
 
 
 def test_values_part_where_any_column_leaves_a_gap():

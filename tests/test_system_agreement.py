@@ -7,7 +7,7 @@ import pytest
 
 import vibroimpact as vi
 from systems import a_random_machine
-from vibroimpact.coexistence.systems import alike
+from vibroimpact.coexistence.striking import alike
 from vibroimpact.motion import MotionClass, motion_name
 from vibroimpact.orbits import same_orbit
 

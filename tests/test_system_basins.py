@@ -13,7 +13,7 @@ from systems import THREE, TWINS, beside_its_centre, free_pair, linear, one_mass
 from systems import system as of
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.backends.reference.systems import follow
-from vibroimpact.coexistence import settling, systems
+from vibroimpact.coexistence import settling, striking
 from vibroimpact.coexistence.losses import lasting_stops
 from vibroimpact.coexistence.measuring import Runner, spread_cells
 from vibroimpact.motion import MotionClass
@@ -152,15 +152,15 @@ def harvester():
 @pytest.fixture
 def solutions(monkeypatch):
     """Return the list to which every cycle that is solved for is added."""
-    made, solve = [], systems.find_near
-    monkeypatch.setattr(systems, "find_near", lambda *given: made.append(given[1:3]) or solve(*given))
+    made, solve = [], striking.find_near
+    monkeypatch.setattr(striking, "find_near", lambda *given: made.append(given[1:3]) or solve(*given))
     return made
 
 
 def test_a_cycle_of_many_initial_conditions_is_followed_and_solved_for_once(solutions, monkeypatch):
     # Each cell's mean is one over the impacts that its own round kept, also where its cycle was closed early.
-    followed, told, follow_on = [], [], systems.follow
-    monkeypatch.setattr(systems, "follow", lambda *given: followed.append(told[-1]) or follow_on(*given))
+    followed, told, follow_on = [], [], striking.follow
+    monkeypatch.setattr(striking, "follow", lambda *given: followed.append(told[-1]) or follow_on(*given))
     grid = {"phase": np.linspace(0.0, 1.0, 15), "velocity": np.linspace(0.0, 1.0, 15)}
     portrait = vi.basins(
         harvester(), **grid, stop="top", progress=lambda done, total, partial: told.append((done, total))
@@ -182,7 +182,7 @@ def test_no_cycle_is_solved_for_twice(seed, solutions):
 
 
 def test_an_initial_condition_outside_the_tolerance_joins_the_known_cycle_unsolved(solutions, monkeypatch):
-    monkeypatch.setattr(systems, "_members", lambda settled, left, at, seen: left == at)
+    monkeypatch.setattr(striking, "_members", lambda settled, left, at, seen: left == at)
     starts = [vi.State([0.0, y]) for y in (-0.05, -0.1, 0.05)]
     (found,) = vi.attractors(harvester(), starts)
     assert found.share == 1.0

@@ -60,7 +60,7 @@ class Measurement:
 
     With `early_closing` a cell ends once its cycle is certain, and its sums are finished in closed form. Indices
     `by_stop` are those of the impacts on each stop of a system. Samples are what the window takes; they depend on
-    nothing but window and tolerances. With `firsts` the `cpu` back end also gives the first impact kept.
+    nothing but window and tolerances.
     """
 
     window: ImpactWindow | StroboscopicWindow
@@ -68,7 +68,6 @@ class Measurement:
     early_closing: bool = True
     indices: tuple[str, ...] = ("std",)
     by_stop: bool = False
-    firsts: bool = False
 
     @property
     def impacts(self) -> ImpactWindow:

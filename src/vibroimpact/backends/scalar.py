@@ -165,7 +165,7 @@ class Sweep:
     def outcome(self, done: Counts | slice) -> Outcome:
         """Return the outcome of cells that have ended."""
         outcome = outcomes(self.results[done], self.ends[done], self.window)
-        if self.thorough and self.measurement.firsts:
+        if self.thorough:
             columns, full = dict(zip(THOROUGH, self.results[done].T, strict=True)), self.ends[done] == FILLED
             outcome["first_stop"] = np.where(full, 0, -1)
             outcome["first_phase"] = (columns["first_phase"] - self._ahead[done]) % 1.0

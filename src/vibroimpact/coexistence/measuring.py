@@ -163,7 +163,7 @@ class Runner:
     ) -> Iterator[tuple[Counts | slice, Outcome]]:
         """Yield which cells have ended, and the indices that identify their motions."""
         names = tuple(name for name in identifying(cells) if name in INDICES)
-        return self.sweep(cells, Measurement(window, tolerances or self.tolerances, indices=names, firsts=True))
+        return self.sweep(cells, Measurement(window, tolerances or self.tolerances, indices=names))
 
     def sweep(self, cells: Cells, wanted: Measurement) -> Iterator[tuple[Counts | slice, Outcome]]:
         """Yield which cells have ended, and what was wanted of them, and count their steps.
@@ -203,9 +203,7 @@ class Runner:
         self.measured += len(cells)
         table = {name: np.full(len(cells), np.nan) for name in (*names, "status")}
         table["impacts"] = np.zeros(len(cells))
-        for which, outcome in self.sweep(
-            cells, Measurement(window, tolerances or self.tolerances, indices=names, firsts=True)
-        ):
+        for which, outcome in self.sweep(cells, Measurement(window, tolerances or self.tolerances, indices=names)):
             for name, column in table.items():
                 column[which] = outcome[name]
         return _measured(table, window, names, winds=cells.coordinates > 1)
@@ -235,7 +233,7 @@ class Runner:
             flight_periods=max(self.tolerances.flight_periods, usual.flight_periods),
             steps_per_impact=max(self.tolerances.steps_per_impact, usual.steps_per_impact),
         )
-        samples = self.engine.samples(cells, Measurement(window, patient, firsts=True))
+        samples = self.engine.samples(cells, Measurement(window, patient))
         self.steps += sum(sample.steps for sample in samples)
         return samples
 

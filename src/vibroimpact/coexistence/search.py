@@ -101,13 +101,13 @@ def attractors(
     followed instead, and where most of those go that do not rest again is where such motions lead. If all rest again,
     turn after turn, for 1e5 impacts, it is intermittent sticking.
 
-    Two chaotic motions are one if more than half of their impacts fall into the same boxes of a 64 x 64 grid on the
-    impact surface. With r = 1 and c = 0 areas are kept and nothing attracts: only what never hits is decided. With
-    c = 0 alone, that a motion never hits again often cannot be proved: it is undecided. Where `starts` is None, the
-    stable orbits of one impact in up to 16 periods are tried besides: they are known in closed form. They do not count
-    in shares: an attractor that no other initial condition leads to has share 0. Of other attractors, those that no
-    initial condition leads to are not found. Cost: tens of milliseconds, a second for chaotic motions, some seconds
-    where chaos does not last.
+    Two chaotic motions are one if the second visits the boxes, of a 64 x 64 grid on the impact surface, that a long
+    sample of the first visits, more than half as often as the first returns to its own. With r = 1 and c = 0 areas are
+    kept and nothing attracts: only what never hits is decided. With c = 0 alone, that a motion never hits again often
+    cannot be proved: it is undecided. Where `starts` is None, the stable orbits of one impact in up to 16 periods are
+    tried besides: they are known in closed form. They do not count in shares: an attractor that no other initial
+    condition leads to has share 0. Of other attractors, those that no initial condition leads to are not found. Cost:
+    tens of milliseconds, a second for chaotic motions, some seconds where chaos does not last.
 
     For systems, a motion and its mirror image are two attractors unless it is its own. No stick erases all memory: a
     motion that rests at a stop is a cycle like others. An initial condition is decided once its whole state comes back
@@ -115,10 +115,9 @@ def attractors(
     first kept one and mean agree with, within :math:`10^{-6} \|(1 - J)^{-1}\|`, J the derivative of the cycle's map.
     Where every mode decays, impacts determine all coordinates. Impacts on a rigid stop with r = 1, or on an undamped
     compliant one, last where no damping reaches what they start: nothing attracts there, and what strikes such a stop
-    is undecided. A chaotic motion leads to the chaotic attractor whose boxes of the impact surfaces of all stops it
-    visits, at least half as often as that returns to its own. All quasi-periodic motions count as one attractor, by the
-    rules of `classify`; so do motions that never hit again, also with a mode that nothing damps. Below a second for a
-    periodic system, seconds for a chaotic one.
+    is undecided. Chaotic motions are compared by boxes of the impact surfaces of all stops. All quasi-periodic motions
+    count as one attractor, by the rules of `classify`; so do motions that never hit again, also with a mode that
+    nothing damps. Below a second for a periodic system, seconds for a chaotic one.
 
     Examples
     --------

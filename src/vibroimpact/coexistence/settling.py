@@ -41,6 +41,10 @@ LATE_OF_SYSTEMS = ImpactWindow((1 << 14) - 1, 1 << 14)  # 32,767 impacts in all
 AFTER_LATE = ImpactWindow((1 << 15) - 1, 1 << 15)  # the next ones
 _LASTING = (MotionClass.PERIODIC, MotionClass.STICKING, MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC)
 NEARLY_ALL = 0.9  # of them rest within 1e5 impacts: chance lets the others not, and all are one attractor
+# Gaps that part groups of cycles, beyond what the way to go (1e-10 V) leaves.
+ENERGY_GAP = 1e-7  # of m V^2, of a cycle's loss per period
+EXPONENT_GAP = 1e-5  # per period; the logarithm of two equal multipliers is good to 1e-5
+MISS_GAP = 1e-6  # of V/w_n
 # Gaps that part groups of chaotic motions, beyond chance in a short sample: of V; impacts per period.
 MEAN_GAP, RATE_GAP = 0.02, 0.02
 
@@ -137,10 +141,11 @@ def settle(
     """
     settled = Settled.of(osc, cells)
     kind, status = settled.kind, settled.status
+    results = kind, status, *(column for name, column in settled.indices.items() if name != "steps")
     fate = partial(fate_of_release, runner, cells[:1])
     remaining, windows = np.arange(len(cells)), list(windows)
     for window in windows:
-        before = kind[remaining], status[remaining]
+        before = [column[remaining] for column in results]
         kind[remaining], status[remaining] = MotionClass.UNDECIDED, Status.INTERRUPTED
         undecided = len(remaining)
         watched = window == late(osc) or window is AFTER_LATE
@@ -150,7 +155,8 @@ def settle(
             report(settled, undecided)
         if watched:  # what is not followed to the end there stays what it was
             cut = (status[remaining] == Status.BUDGET) | (status[remaining] == Status.INTERRUPTED)
-            kind[remaining[cut]], status[remaining[cut]] = before[0][cut], before[1][cut]
+            for column, values in zip(results, before, strict=True):
+                column[remaining[cut]] = values[cut]
         resting = (status == Status.STICKING) & (settled.indices["n_periods"] == 0)
         resting &= np.isin(kind, (MotionClass.UNDECIDED, MotionClass.STICKING)) & osc.forgets
         stuck = remaining[resting[remaining]]
@@ -189,9 +195,9 @@ def _winds_on(runner: Runner, settled: Settled, winds: NDArray[np.bool_], window
 def outlook_of(runner: Runner, settled: Settled) -> MotionClass:
     """Return the outlook of representatives of all chaos after 1e5 impacts, or undecided where they differ."""
     groups = chaotic_groups(settled)
-    if not groups:
-        return MotionClass.UNDECIDED  # stopped before any was
     number = sum(map(len, groups))
+    if not number:
+        return MotionClass.UNDECIDED  # stopped before any was
     chosen = np.concatenate([group[:: math.ceil(number / REPRESENTATIVES)] for group in groups])
     return _common(settle(runner, settled.osc, settled.cells[chosen], [late(settled.osc)]))
 
@@ -223,21 +229,35 @@ def _common(settled: Settled) -> MotionClass:
     return MotionClass.STICKING if resting.mean() > NEARLY_ALL else MotionClass.UNDECIDED
 
 
-def chaotic_groups(settled: Settled) -> list[Counts]:
-    """Return the groups of initial conditions that lead to chaos, by its mean velocity and impacts per period.
+def cycle_groups(settled: Settled, members: Counts) -> list[Counts]:
+    """Return members that lead to cycles in groups, by what does not depend on where a sample began.
 
-    For systems, all are one group.
+    That is n and p, the loss per period, the exponent and the closest near-miss. For systems, all are one group.
     """
-    members = np.flatnonzero(settled.kind == MotionClass.CHAOTIC)
-    if members.size and not settled.osc.forgets:
+    osc, columns = settled.osc, {name: column[members] for name, column in settled.indices.items()}
+    if not members.size or not osc.forgets:
         return [members]
-    if members.size == 0:
-        return []
-    columns = [
+    scale, n = osc.velocity_scale, columns["n_periods"]
+    sorted_by = [
+        (n, 0.0),
+        (columns["n_impacts"], 0.0),
+        (columns["dissipation"], ENERGY_GAP * osc.mass * scale**2),
+        (columns["lyapunov"] * osc.period * n, EXPONENT_GAP),
+        (np.nan_to_num(columns["grazing_margin"], posinf=-scale), MISS_GAP * scale / osc.natural_frequency),
+    ]
+    return [members[part] for part in clusters(sorted_by)]
+
+
+def chaotic_groups(settled: Settled) -> list[Counts]:
+    """Return what leads to chaos in groups, by its mean velocity and impacts per period; for systems, as one group."""
+    members = np.flatnonzero(settled.kind == MotionClass.CHAOTIC)
+    if not members.size or not settled.osc.forgets:
+        return [members]
+    sorted_by = [
         (settled.indices["mean_velocity"][members], MEAN_GAP * settled.osc.velocity_scale),
         (settled.indices["impacts_per_period"][members], RATE_GAP),
     ]
-    return [members[part] for part in clusters(columns)]
+    return [members[part] for part in clusters(sorted_by)]
 
 
 def clusters(columns: Sequence[tuple[Floats, float]]) -> list[Counts]:

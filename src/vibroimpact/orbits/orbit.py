@@ -298,7 +298,7 @@ def from_hardest(cycle: Cycle, z: Floats) -> Floats:
 def true_cycle(cycle: Cycle, z: Floats) -> Cycle:
     """Return the smallest n and p with which the cycle repeats."""
     n, p = cycle.n_periods, cycle.n_impacts
-    impacts, flights = _points(Impacts.of(z), z[p:].max()), np.diff(np.append(z[:p], z[0] + n))
+    impacts, flights = points_of(Impacts.of(z), z[p:].max()), np.diff(np.append(z[:p], z[0] + n))
     for parts in range(math.gcd(n, p), 1, -1):
         if math.gcd(n, p) % parts == 0:
             moved = [np.abs(table - np.roll(table, p // parts, axis=0)).max() for table in (impacts, flights)]
@@ -358,11 +358,12 @@ def orbit_distance(a: HasImpacts, b: HasImpacts) -> float:
     if not len(a.velocities):
         return 0.0
     fastest = max(*a.velocities, *b.velocities)
-    one, other = _points(a, fastest), _points(b, fastest)
+    one, other = points_of(a, fastest), points_of(b, fastest)
     return min(float(np.abs(one - np.roll(other, shift, axis=0)).max()) for shift in range(len(one)))
 
 
-def _points(cycle: HasImpacts, fastest: float) -> Floats:
+def points_of(cycle: HasImpacts, fastest: float) -> Floats:
+    """Return the impacts of a cycle as points (sin, cos, v), one row each."""
     angles = TURN * np.asarray(cycle.phases)
     return np.column_stack([np.sin(angles), np.cos(angles), np.asarray(cycle.velocities) / (fastest or 1.0)])
 

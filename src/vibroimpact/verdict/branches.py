@@ -14,7 +14,7 @@ import numpy as np
 
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.coexistence.measuring import Runner, carried
-from vibroimpact.coexistence.systems import solved
+from vibroimpact.coexistence.striking import solved
 from vibroimpact.continuation.branch import walk
 from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import Way

@@ -12,7 +12,7 @@ from vibroimpact.coexistence.attractor import distinct_names
 from vibroimpact.coexistence.final import Final, final_motion, thrifty
 from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runner, Start, last_of
 from vibroimpact.coexistence.search import attractors_by, from_rest
-from vibroimpact.coexistence.systems import alike
+from vibroimpact.coexistence.striking import alike
 from vibroimpact.dataset import provenance
 from vibroimpact.labels import labelled_impacts
 from vibroimpact.model import Model, State

@@ -1,0 +1,327 @@
+r"""Motions that strike stops: which of those that initial conditions settle to are one, and what leads to which.
+
+One initial condition is followed onto its cycle, or its chaos is sampled; then it is found which of the others lead
+there. What is found to be on a motion that is known already joins it. The state of one mass at an impact is the impact
+itself: initial conditions whose indices leave no gap (`settling.cycle_groups`, `chaotic_groups`) lead to one motion,
+and all that rest at the stop do, as every release is the same state.
+
+For systems, a rest at one stop does not erase what the other coordinates remember, and a motion and its mirror image
+share all their indices; so cycles are compared impact by impact. Lanes give of every initial condition the first impact
+that its window keeps (stop, phase, velocity), after how many impacts and periods the whole state came back to it within
+1e-7 V, and the mean and the largest velocity of the window. Those lead to a cycle whose first impact is one of its own
+and whose means are those of the cycle from there on. Where every mode decays, the impacts of a cycle determine all
+coordinates.
+
+With P the map of a cycle, x* its fixed point and J the derivative there, :math:`P(x) - x = (J - 1)(x - x^*)`: a state
+that came back within 1e-7 V is within :math:`\|(1 - J)^{-1}\|` times that of the cycle. Ten times as much is allowed
+for; what lies farther away is followed itself, and joins the cycle that it is found on. No cycle is solved for twice.
+
+Chaos is told apart by boxes of the impact surface of each stop that a long sample of it visits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibroimpact.backends import ImpactWindow, StroboscopicWindow
+from vibroimpact.backends.base import Counts, Floats, SystemSamples, energy_loss
+from vibroimpact.coexistence.final import release_phase, released
+from vibroimpact.coexistence.measuring import AT_REST, EQUAL, SPREAD, Runner, carried
+from vibroimpact.coexistence.settling import Settled, chaotic_groups, cycle_groups
+from vibroimpact.model import Model, State
+from vibroimpact.motion import MotionClass
+from vibroimpact.orbits.orbit import Impacts, points_of, same_orbit
+from vibroimpact.orbits.systems import SystemOrbit, ended, find_near
+from vibroimpact.orbits.systems.orbit import cycle_of
+
+SAME = 1e-6  # ten times how near a state must come back; of phases as points of the unit circle, and of the hardest hit
+FARTHEST = 1e-3  # of those: so far from a cycle its derivative says little
+SOLVED = 64  # impacts of the longest cycle that is solved for
+NEAR = 1e-3  # of an orbit solved for, from the impacts that it was solved from
+BOXES = 64  # of the impact surface, along phase and along velocity
+SHARED = 0.5  # of the impacts of two chaotic motions in the same boxes: above this they are one attractor
+SHORTER = 16  # samples that are compared with that of an attractor, than this
+WANDERING = 4000  # impacts, at most, from a release to the next rest that are sampled of intermittent sticking
+
+
+@dataclass(frozen=True)
+class SettledMotion:
+    """The impacts of a cycle of `n_periods` from its hardest on, or a sample (0) of a motion that does not repeat.
+
+    `start` is a state on it, `exponent` the largest one in 1/s, `loss` the energy in J that stops take per driving
+    period; `tolerance` is how near its members come, `orbit` the cycle solved for, or None.
+    """
+
+    phases: Floats
+    velocities: Floats
+    stops: Counts
+    start: State
+    exponent: float
+    loss: float
+    n_periods: int = 0
+    tolerance: float = SAME
+    orbit: SystemOrbit | None = None
+
+    @cached_property
+    def _boxes(self) -> tuple[NDArray[np.complex128], float]:
+        """The boxes that it visits, and how often it must come to them: half as often as it returns itself."""
+        own, half = self._boxes_of(self.phases, self.velocities, self.stops), len(self.stops) // 2
+        return own, SHARED * float(np.isin(own[half:], own[:half]).mean())
+
+    def _boxes_of(self, phases: Floats, velocities: Floats, stops: Counts) -> NDArray[np.complex128]:
+        height = self.velocities.max() / BOXES
+        boxes: NDArray[np.complex128] = np.floor((stops + phases) * BOXES) + 1j * np.floor(velocities / height)
+        return boxes
+
+    def visited(self, phases: Floats, velocities: Floats, stops: Counts) -> bool:
+        """Return whether impacts of a chaotic motion show that it is this one."""
+        own, least = self._boxes
+        return bool(np.isin(self._boxes_of(phases, velocities, stops), own).mean() > least)
+
+
+def alike(one: Any, other: Any, tolerance: float = SAME) -> bool:
+    """Return whether two cycles are one: all impacts agree, on the same stops, from some impact of either on."""
+    if len(one.stops) != len(other.stops) or not len(one.stops):
+        return len(one.stops) == len(other.stops)
+    fastest = max(np.max(one.velocities, initial=0.0), np.max(other.velocities, initial=0.0))
+    first, second = (points_of(cycle, fastest) for cycle in (one, other))
+    struck, others = np.asarray(one.stops), np.asarray(other.stops)
+    return any(
+        (np.roll(struck, shift) == others).all() and np.abs(np.roll(first, shift, axis=0) - second).max() <= tolerance
+        for shift in range(len(struck))
+    )
+
+
+def striking(runner: Runner, settled: Settled, longest: ImpactWindow) -> Iterator[tuple[int, SettledMotion, Counts]]:
+    """Yield every motion that strikes stops: an initial condition that leads to it, the motion, and all that do."""
+    indices, forgets = settled.indices, settled.osc.forgets
+    endless, sticks = indices["n_periods"] == 0, settled.kind == MotionClass.STICKING
+    repeats = np.flatnonzero(~endless & ((settled.kind == MotionClass.PERIODIC) | (sticks & (not forgets))))
+
+    def visitors(others: Counts, _: int, chaos: SettledMotion) -> NDArray[np.bool_]:
+        short = ImpactWindow(longest.transient // SHORTER, max(longest.keep // SHORTER, 1))
+        parts = np.split(others, range(SPREAD, len(others), SPREAD))
+        samples = (one for part in parts for one in runner.samples(settled.cells[part], short))
+        return np.array([chaos.visited(one.impact_phase, one.impact_velocity, one.impact_stop) for one in samples])
+
+    yield from _distinct(
+        settled, cycle_groups(settled, repeats), partial(follow, runner, settled), partial(_members, settled), alike
+    )
+    for at, motion, members in _distinct(
+        settled,
+        chaotic_groups(settled),
+        lambda at, _: sample(runner, settled, at, longest),
+        visitors,
+        lambda known, one: known.visited(one.phases, one.velocities, one.stops),
+    ):
+        exponent, loss = (float(indices[name][members].mean()) for name in ("lyapunov", "dissipation"))
+        yield at, replace(motion, exponent=exponent, loss=loss), members
+    for members in map(np.flatnonzero, (settled.kind == MotionClass.QUASI_PERIODIC, sticks & (endless | forgets))):
+        if members.size:
+            at = int(members[0])
+            yield at, _sticking(runner, settled, at) if forgets else sample(runner, settled, at, longest), members
+
+
+def _distinct(
+    settled: Settled,
+    groups: list[Counts],
+    followed: Callable[[int, list[SettledMotion]], SettledMotion],
+    lead: Callable[[Counts, int, SettledMotion], NDArray[np.bool_]],
+    same: Callable[[SettledMotion, SettledMotion], bool],
+) -> Iterator[tuple[int, SettledMotion, Counts]]:
+    """Follow one initial condition after the other, until it is known of all which motion they lead to."""
+    distinct: list[tuple[int, SettledMotion, list[Counts]]] = []
+    for remaining in groups:
+        while remaining.size:
+            at = int(remaining[settled.indices["impacts"][remaining].argmin()])  # the one that settled first
+            motion = followed(at, [other for _, other, _ in distinct])
+            leading = (remaining == at) | (settled.osc.forgets or lead(remaining, at, motion))
+            for _, other, members in distinct:
+                if same(other, motion):
+                    members.append(remaining[leading])
+                    break
+            else:
+                distinct.append((at, motion, [remaining[leading]]))
+            remaining = remaining[~leading]
+    for at, motion, members in distinct:
+        yield at, motion, np.sort(np.concatenate(members))
+
+
+def _members(settled: Settled, candidates: Counts, at: int, cycle: SettledMotion) -> NDArray[np.bool_]:
+    """Return which initial conditions lead to a cycle, by the first impact of their window and by its means."""
+    columns = {name: column[candidates] for name, column in settled.indices.items()}
+    fastest, most, p = cycle.velocities.max(), cycle.tolerance, len(cycle.velocities)
+    number, repeats = (settled.indices[name][at] for name in ("n_periods", "n_impacts"))
+    possible = (columns["n_periods"] == number) & (columns["n_impacts"] == repeats)
+    possible &= settled.kind[candidates] == settled.kind[at]
+    possible &= np.abs(columns["max_velocity"] - fastest) <= most * fastest
+    kept, turn = columns["kept"], np.exp(2j * np.pi * columns["first_phase"])
+    sums = np.concatenate([[0.0], np.cumsum(np.tile(cycle.velocities, 2))])
+    members = np.zeros(len(candidates), bool)
+    for j in range(p):
+        matches = possible & (columns["first_stop"] == cycle.stops[j])
+        matches &= np.abs(turn - np.exp(2j * np.pi * cycle.phases[j])) <= most
+        matches &= np.abs(columns["first_velocity"] - cycle.velocities[j]) <= most * fastest
+        if repeats > 0:
+            whole, rest = np.divmod(kept, p)
+            mean = (whole * sums[p] + sums[j + rest] - sums[j]) / kept
+            matches &= np.abs(columns["mean_velocity"] - mean) <= most * fastest
+        members |= matches
+    return members
+
+
+def follow(runner: Runner, settled: Settled, at: int, others: Sequence[SettledMotion] = ()) -> SettledMotion:
+    """Return the cycle that an initial condition leads to, from as many impacts after the one that came back as before.
+
+    If it is none of the `others`, one of a few impacts is then solved for, if it neither rests nor strikes several
+    stops at once.
+    """
+    system: Any = settled.osc
+    n, p, settling = (int(settled.indices[name][at]) for name in ("n_periods", "n_impacts", "impacts"))
+    if system.forgets:  # what closed the cycle brought it within 1e-10 V; as many impacts again leave only rounding
+        samples = sampled(runner, settled, at, ImpactWindow(2 * settling, p))
+        return _from_hardest(settled, at, samples.impact_phase, samples.impact_velocity, n)
+    keep = 2 * max(p, 16) + 1
+    while True:
+        samples = sampled(runner, settled, at, ImpactWindow(settling, keep))
+        turns, speeds = samples.impact_periods + samples.impact_phase, samples.impact_velocity
+        if turns[-1] - turns[0] > 2 * n - 1e-6 or len(turns) < keep:
+            break
+        keep *= 2
+    early = int(np.searchsorted(turns, turns[0] + n - 1e-6))
+    first = _hardest(speeds[:early], samples.impact_stop[:early])
+    last = first + p if p > 0 else int(np.searchsorted(turns, turns[first] + n - 1e-6))
+    n, span = _smallest(samples, slice(first, last), n)
+    phases, speeds, stops = samples.impact_phase[span], speeds[span], samples.impact_stop[span]
+    loss, end = float(np.nansum(samples.impact_energy[span])) / n, ended(system, samples)
+    exponent = float(settled.indices["lyapunov"][at])
+    cycle = SettledMotion(phases, speeds, stops, end, exponent, loss, n, _by_growth(exponent * n * system.period))
+    for other in others:
+        if alike(other, cycle, other.tolerance):
+            return other
+    plain = p > 0 and not len(samples.rest_stop) and not samples.impact_simultaneous.any()
+    orbit = solved(system, n, stops, turns[span], speeds, end) if plain and len(stops) <= SOLVED else None
+    if orbit is None:
+        return replace(cycle, start=ended(system, sampled(runner, settled, at, ImpactWindow(settling, first + 1))))
+    numbers = np.array([system.stop_names.index(stop) for stop in orbit.stops])
+    start = _state_of(carried(system, orbit.start), orbit.start.time)
+    phases, speeds = np.array(orbit.phases), np.array(orbit.velocities)
+    return SettledMotion(phases, speeds, numbers, start, orbit.lyapunov, loss, n, _by_derivative(orbit), orbit)
+
+
+def _from_hardest(settled: Settled, at: int, phases: Floats, speeds: Floats, n: int) -> SettledMotion:
+    """Return a cycle of one mass from impacts in the order of time."""
+    shift = -int(np.argmax(speeds))
+    return _of_one_mass(settled, at, np.roll(phases, shift), np.roll(speeds, shift), n)
+
+
+def _of_one_mass(settled: Settled, at: int, phases: Floats, speeds: Floats, n: int = 0) -> SettledMotion:
+    """Return a motion of one mass from its impacts, with a start at the first of them."""
+    exponent, loss = (float(settled.indices[name][at]) for name in ("lyapunov", "dissipation"))
+    start = State(settled.osc.gap, float(speeds[0]), float(phases[0]) * settled.osc.period)
+    return SettledMotion(phases, speeds, np.zeros(len(speeds), np.int64), start, exponent, loss, n)
+
+
+def sample(runner: Runner, settled: Settled, at: int, window: ImpactWindow) -> SettledMotion:
+    """Return a sample of a motion that does not repeat."""
+    samples = sampled(runner, settled, at, window)
+    if len(samples.impact_phase) < window.keep:  # it ended later on, but not within its own window
+        samples = sampled(runner, settled, at, ImpactWindow(0, int(settled.indices["impacts"][at]) // 2))
+    phases, speeds = samples.impact_phase, samples.impact_velocity
+    if settled.osc.forgets:
+        return _of_one_mass(settled, at, phases, speeds)
+    exponent, loss = (float(settled.indices[name][at]) for name in ("lyapunov", "dissipation"))
+    return SettledMotion(phases, speeds, samples.impact_stop, ended(settled.osc, samples), exponent, loss)
+
+
+def _sticking(runner: Runner, settled: Settled, at: int) -> SettledMotion:
+    """Return how one mass moves that rests at its stop: every release is the same state, sin = k g / f falling."""
+    osc, n = settled.osc, settled[at].n_periods
+    motion = _turn(runner, settled, at, n) if n else _turns(runner, settled, at)
+    return replace(motion, start=State(osc.gap, 0.0, release_phase(*osc.cells({})) * osc.period), exponent=-math.inf)
+
+
+def _turn(runner: Runner, settled: Settled, at: int, n: int) -> SettledMotion:
+    """Return a cycle of n periods that rests."""
+    (samples,) = runner.samples(AT_REST.cell(settled.osc), StroboscopicWindow(0, n + 2))
+    release = samples.release_periods[0] + samples.release_phase[0]
+    time = samples.impact_periods + samples.impact_phase
+    turn = (time > release) & (time < release + n)
+    return _from_hardest(settled, at, samples.impact_phase[turn], samples.impact_velocity[turn], n)
+
+
+def _turns(runner: Runner, settled: Settled, at: int) -> SettledMotion:
+    """Return the impacts of intermittent sticking from moved releases to the next rest.
+
+    One turn from the exact release would be an accident of rounding.
+    """
+    osc, phases, velocities, periods = settled.osc, [], [], 0.0
+    for samples in runner.samples(released(osc.cells({})), ImpactWindow(0, WANDERING)):
+        time = samples.impact_periods + samples.impact_phase
+        rested = len(samples.stick_phase) > 0 and math.isfinite(samples.release_phase[0])
+        end = samples.release_periods[0] + samples.release_phase[0] if rested else time[-1]
+        phases.append(samples.impact_phase[time <= end])
+        velocities.append(samples.impact_velocity[time <= end])
+        periods += float(end) - release_phase(*osc.cells({}))
+    speeds = np.concatenate(velocities)
+    loss = energy_loss(osc.mass, osc.restitution) * float((speeds**2).sum()) / periods
+    return replace(_of_one_mass(settled, at, np.concatenate(phases), speeds), loss=loss)
+
+
+def sampled(runner: Runner, settled: Settled, at: int, window: ImpactWindow | StroboscopicWindow) -> Any:
+    """Return the samples that a window takes of what initial condition `at` settles to."""
+    return runner.samples(settled.cells[at : at + 1], window)[0]
+
+
+def _state_of(cell: Any, time: float) -> State:
+    """Return the state in which a cell starts."""
+    shapes = cell.shapes[0]
+    return State(shapes @ cell.block("eta")[0], shapes @ cell.block("rate")[0], time)
+
+
+def _hardest(speeds: Floats, stops: Counts) -> int:
+    """Return the hardest impact, of those as hard the one on the first stop."""
+    tied = np.flatnonzero(speeds >= (1.0 - EQUAL) * speeds.max())
+    return int(tied[stops[tied].argmin()])
+
+
+def _smallest(samples: SystemSamples, span: slice, n: int) -> tuple[int, slice]:
+    """Return the smallest number of periods, and the impacts, after which a cycle repeats."""
+    p, impacts = span.stop - span.start, Impacts(samples.impact_phase[span], samples.impact_velocity[span])
+    points = np.column_stack([points_of(impacts, np.max(impacts.velocities)), samples.impact_stop[span]])
+    for parts in range(math.gcd(n, p), 1, -1):
+        if n % parts == p % parts == 0 and np.abs(points - np.roll(points, p // parts, axis=0)).max() <= SAME:
+            return n // parts, slice(span.start, span.start + p // parts)
+    return n, span
+
+
+def solved(model: Model, n: int, stops: Counts, turns: Floats, speeds: Floats, end: State) -> SystemOrbit | None:
+    """Return the stable orbit that Newton's method reaches from a cycle's impacts or a state, if it is that cycle."""
+    system = model.at()
+    times = ((turns - math.floor(turns[0])) * system.period).tolist()
+    impacts = Impacts(turns % 1.0, speeds)
+    for orbit in find_near(model, n, stops.tolist(), times, end):
+        if orbit.stable and same_orbit(orbit, impacts, tolerance=NEAR):
+            return orbit
+    return None
+
+
+def _by_derivative(orbit: SystemOrbit) -> float:
+    """Return the distance from a cycle within which a motion comes back within 1e-7 V."""
+    cycle, unknown = cycle_of(orbit)
+    jacobian = cycle.monodromy(unknown)
+    smallest = float(np.linalg.svd(np.eye(len(jacobian)) - jacobian, compute_uv=False)[-1])
+    return min(max(SAME, SAME / smallest if smallest else FARTHEST), FARTHEST)
+
+
+def _by_growth(growth: float) -> float:
+    """Return the same of a cycle that is not solved for, by the logarithm of its largest multiplier."""
+    decay = -math.expm1(min(growth, -SAME))
+    return min(SAME / decay, FARTHEST)
