@@ -97,7 +97,7 @@ def study_of(options: Options, file: Path | None = None) -> Study:
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        document = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         message = f"`study` {str(path)!r} cannot be read ({error.strerror}); {_instead_of(path)}"
         raise OSError(error.errno, message) from error
@@ -107,6 +107,10 @@ def _load(path: Path) -> dict[str, Any]:
         raise ValueError(f"`study` {str(path)!r} is no study file (TOML); {_instead_of(path)}") from error
     except RecursionError:
         raise ValueError(f"`study` {str(path)!r} is invalid TOML: its values are nested too deeply") from None
+    if not document:  # the paper's numbers would be taken for those of the file
+        instead = "write [oscillator] and its numbers" if path.suffix.lower() == ".toml" else _instead_of(path)
+        raise ValueError(f"`study` {str(path)!r} is empty; {instead}")
+    return document
 
 
 def _instead_of(path: Path) -> str:
