@@ -397,6 +397,11 @@ def test_the_work_of_a_verdict_is_bounded(fast, chaotic):
         ({"parameters": ["gap", "gap"]}, "drop the repeated one"),
         ({"within": 0.0}, "`within` must be above 0 and up to 1000, got 0.0"),
         ({"within": "far"}, "`within` must be above 0 and up to 1000, got 'far'"),
+        ({"units": {"gpa": "mm"}}, "unknown parameter 'gpa'"),
+        ({"units": {"gap": "s"}}, "`units['gap']` must be a unit that m can be turned into, got 's'"),
+        ({"units": {"gap": 5}}, "`units['gap']` must be a unit that m can be turned into, got 5"),
+        ({"units": {"restitution": "mm"}}, "`units['restitution']` must be 1 or %, got 'mm'"),
+        ({"units": "mm"}, '`units` must be units by parameter, such as {"gap": "mm"}, got \'mm\''),
     ],
 )
 def test_a_wrong_request_names_the_argument_and_the_remedy(arguments, words):

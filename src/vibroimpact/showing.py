@@ -78,7 +78,7 @@ def _cell(value: Any) -> str:
     if isinstance(value, Table):
         return "".join(_grid(value.head, value.rows))
     if isinstance(value, list):
-        return "<br>".join(map(_cell, value))
+        return "".join(f"<div>{_cell(each)}</div>" for each in value)
     text = f"{value:.4g}" if isinstance(value, float) else str(value)
     return html.escape(text).replace("\n", "<br>")
 

@@ -108,9 +108,13 @@ def check_units(model: Model, units: Mapping[str, str] | None) -> dict[str, str]
     chosen = dict(units or {})
     check_names(model.parameters, chosen)
     for name, unit in chosen.items():
-        parameter = model.parameters[name]
-        if unit != parameter.unit:
-            without_unit(parameter, f"1 {unit}")
+        own = model.parameters[name].unit
+        try:
+            if unit != own:
+                _converted(1.0, own, unit)
+        except _registry()[1]:
+            allowed = "1 or %" if own == "1" else f"a unit that {own} can be turned into"
+            raise invalid(f"units[{name!r}]", unit, allowed) from None
     return chosen
 
 

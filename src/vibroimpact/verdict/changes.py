@@ -108,8 +108,9 @@ def _event(verdict: Verdict, edge: Edge) -> str:
     """Return a boundary in words, and the motion beyond with the value at which it was computed."""
     if not edge.beyond or edge.kind == "change":
         return edge.what
-    at = "beyond" if math.isnan(edge.beyond_at) else f"at {_value(verdict, edge, edge.beyond_at, 6)}"
-    return f"{edge.what};\n{edge.beyond} {at}"
+    if math.isnan(at := edge.beyond_at):
+        return f"{edge.what};\n{edge.beyond} beyond"
+    return f"{edge.what};\n{edge.beyond} at {_value(verdict, edge, at, _digits(verdict, edge, at, 6))}"
 
 
 def onset_texts(edge: Edge) -> list[tuple[Onset, str]]:
@@ -125,9 +126,7 @@ def onset_texts(edge: Edge) -> list[tuple[Onset, str]]:
 
 def _place(verdict: Verdict, edge: Edge, at: Edge | Onset) -> str:
     """Return a value on the way along a parameter, how well it is known, and the change to it."""
-    present, digits = value_of(verdict.model, edge.parameter), 6 if at.half_width == 0.0 else 5
-    while digits < EXACT and f"{at.value:.{digits}g}" == f"{present:.{digits}g}" and at.value != present:
-        digits += 1
+    digits = _digits(verdict, edge, at.value, 6 if at.half_width == 0.0 else 5)
     lines = [_value(verdict, edge, at.value, digits)]
     if at is edge and at.half_width:
         lines[0] += f" \u00b1 {_value(verdict, edge, at.half_width, 1)}"
@@ -135,6 +134,15 @@ def _place(verdict: Verdict, edge: Edge, at: Edge | Onset) -> str:
         lines.append(f"{hertz(at.value):.{digits}g} Hz")
     sign = "-" if edge.direction < 0 else "+"
     return "\n".join([*lines, sign + change_text(verdict.model, edge.parameter, at.value)])
+
+
+def _digits(verdict: Verdict, edge: Edge, value: float, digits: int) -> int:
+    """Return as many digits as part a value from the present one, or more."""
+    present = value_of(verdict.model, edge.parameter)
+    differs = value != present
+    while differs and digits < EXACT and _value(verdict, edge, value, digits) == _value(verdict, edge, present, digits):
+        digits += 1
+    return digits
 
 
 def _value(verdict: Verdict, edge: Edge, value: float, digits: int) -> str:
