@@ -261,7 +261,7 @@ def test_what_is_given_in_hertz_is_told_in_hertz_too():
 def test_a_change_of_the_gap_is_told_beside_the_gap_and_beside_the_static_deflection():
     osc = vi.ImpactOscillator(amplitude=2.0, stiffness=2000.0, gap=0.2e-3)  # f/k = 1 mm
     up = Edge("gap", 1, "fold", 0.25e-3, 0.05, "f/k")
-    assert list(ends_of(verdict_of(osc), up)) == [("0.00025\n+25 % (5 % of f/k)", "fold")]
+    assert list(ends_of(verdict_of(osc), up)) == [("0.00025\n+25 %\n+5 % of f/k", "fold")]
     at_zero = Edge("gap", 1, "fold", 0.25e-3, 0.25, "f/k")
     zero_has_no_shares = [("0.00025\n+25 % of f/k", "fold")]
     assert list(ends_of(verdict_of(osc.replace(gap=0.0)), at_zero)) == zero_has_no_shares

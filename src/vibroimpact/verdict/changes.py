@@ -133,7 +133,8 @@ def _place(verdict: Verdict, edge: Edge, at: Edge | Onset) -> str:
     if shown_as(verdict.model, edge.parameter, verdict.units)[1] == "rad/s":
         lines.append(f"{hertz(at.value):.{digits}g} Hz")
     sign = "-" if edge.direction < 0 else "+"
-    return "\n".join([*lines, sign + change_text(verdict.model, edge.parameter, at.value)])
+    changes = (sign + change for change in change_texts(verdict.model, edge.parameter, at.value))
+    return "\n".join([*lines, *changes])
 
 
 def _digits(verdict: Verdict, edge: Edge, value: float, digits: int) -> int:
@@ -149,21 +150,21 @@ def _value(verdict: Verdict, edge: Edge, value: float, digits: int) -> str:
     return f"{shown_value(verdict.model, edge.parameter, value, verdict.units):.{digits}g}"
 
 
-def change_text(model: Model, parameter: str, value: float) -> str:
-    """Return the size of a change, of the gap also relative to the gap itself: '3.1 %', or '14 % (4.1 % of f/k)'."""
+def change_texts(model: Model, parameter: str, value: float) -> list[str]:
+    """Return the size of a change, of the gap also relative to the gap itself: 3.1 %, or 14 % and 4.1 % of f/k."""
     present = present_value(model, parameter)
     size = present.percent(value)
     if present.of != "f/k" or not present.value:
-        return size
+        return [size]
     share = abs(value / present.value - 1.0)
-    return f"{percent(share)} ({size})" if share < MANY_GAPS else size
+    return [percent(share), size] if share < MANY_GAPS else [size]
 
 
 def advice_text(model: Model, advice: Advice, units: Mapping[str, str] = OWN_UNITS) -> str:
     """Return a piece of advice in words."""
-    change = change_text(model, advice.parameter, advice.value)
+    change, *of = change_texts(model, advice.parameter, advice.value)
     verb = "raise" if advice.change > 0.0 else "lower"
-    head = f"{verb} {shown_as(model, advice.parameter, units)[0].name} by {change}"
+    head = f"{verb} {shown_as(model, advice.parameter, units)[0].name} by {change}{f' ({of[0]})' if of else ''}"
     head += f" to {with_hertz(model, advice.parameter, advice.value, units)}: "
     if advice.benefit == "no_impact":
         return f"{head}{advice.motion}"
