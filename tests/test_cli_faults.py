@@ -141,6 +141,19 @@ def test_a_wrong_request_exits_2_with_one_line_and_touches_nothing(refused, comm
 
 
 @pytest.mark.parametrize(
+    ("name", "text", "instead"),
+    [
+        ("tube.nc", "", "a saved result is shown by `vibroimpact plot tube.nc`"),
+        ("tube.toml", "", "write [oscillator] and its numbers"),
+        ("tube.toml", "# mass = 2.1\n", "write [oscillator] and its numbers"),
+    ],
+)
+def test_an_empty_file_is_no_study_of_the_numbers_of_the_paper(refused, tmp_path, name, text, instead):
+    (tmp_path / name).write_text(text)
+    assert refused(f"section {name} -p omega=2").endswith(f"`study` '{name}' is empty; {instead}")
+
+
+@pytest.mark.parametrize(
     ("command", "words"),
     [
         (

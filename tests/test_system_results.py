@@ -333,6 +333,24 @@ def test_a_map_of_one_stop_says_in_which_cells_it_is_not_struck(shown):
             assert "no value" not in " ".join(texts)
 
 
+def test_the_summary_of_a_map_by_stop_says_which_stops_are_never_struck():
+    """Right is out of reach at every speed; where both are struck, the hardest impact has its stop."""
+    slot = vi.family(models.two_sided_oscillator)
+    how = {"by_stop": True, "indices": ["max_velocity", "impacts_per_period"], "sample_impacts": 50}
+    far, near = (
+        vi.parameter_map(slot.replace(left_gap=1e-3, right_gap=gap), frequency=[15.0, 20.0], **how)
+        for gap in (1.0, 2e-3)
+    )
+    assert np.isnan(far["max_velocity"].sel(stop="right")).all()
+    never = "right is never struck in the impacts kept"
+    velocity, rate = (line for line in sentences_of(far) if "(max_velocity)" in line or "(impacts_per" in line)
+    assert velocity.endswith(f", on left; {never}")
+    assert never not in rate  # 0 is a value
+    hardest = near["max_velocity"].max("frequency")
+    (line,) = (line for line in sentences_of(near) if "(max_velocity)" in line)
+    assert line.endswith(f", on {hardest.idxmax('stop').item()}")
+
+
 def test_indices_by_stop_are_stored_with_their_stops(tmp_path):
     tube = models.tube_in_supports()
     how = {"omega": np.linspace(0.9, 1.1, 7) * tube.omega, "by_stop": True, "sample_impacts": 50}

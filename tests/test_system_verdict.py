@@ -110,7 +110,10 @@ def test_boundaries_are_those_that_a_branch_meets_in_other_steps():
     below, above = branch.special[:2]  # the last graze lies beyond the fold, on unstable orbits
     assert (down.kind, down.value) == (below.kind, pytest.approx(below.value, rel=1e-11))
     assert (up.kind, up.value) == (above.kind, pytest.approx(above.value, rel=1e-11))
-    assert f"down {100 * (1 - down.value / 2):.2g} % to {down.value:.6g} rad/s" in line(verdict, "boundaries")
+    (row,) = (row for row in str(verdict).splitlines() if row.startswith("  omega [rad/s]"))
+    assert row.endswith(f" {up.what}")
+    assert row.split()[2:4] == [f"{down.value:.6g}", down.what + ";" * bool(down.beyond)]
+    assert f"  -{100 * (1 - down.value / 2):.2g} %" in str(verdict)
 
 
 def test_a_verdict_on_twins_names_the_one_from_rest_and_the_other():

@@ -4,6 +4,7 @@ import json
 import math
 import re
 from dataclasses import asdict
+from itertools import pairwise
 
 import matplotlib
 import numpy as np
@@ -17,7 +18,7 @@ from vibroimpact.indices import INDICES
 from vibroimpact.model.oscillator import PARAMETERS
 from vibroimpact.plotting import comparison_figure
 from vibroimpact.verdict.advice import Advice
-from vibroimpact.verdict.changes import advice_text, edge_text
+from vibroimpact.verdict.changes import advice_text, ends_of
 from vibroimpact.verdict.compare import Comparison
 from vibroimpact.verdict.edges import Edge
 from vibroimpact.verdict.ranges import range_of
@@ -247,6 +248,10 @@ def test_where_nothing_hits_there_is_nothing_to_calm():
 # How it is told
 
 
+def verdict_of(osc):
+    return vi.describe(osc, parameters=[])
+
+
 def test_what_is_given_in_hertz_is_told_in_hertz_too():
     """w = 2 pi 20 Hz."""
     verdict = vi.describe(vi.ImpactOscillator(stiffness=4e4, frequency=20.0), parameters=[])
@@ -256,11 +261,44 @@ def test_what_is_given_in_hertz_is_told_in_hertz_too():
 def test_a_change_of_the_gap_is_told_beside_the_gap_and_beside_the_static_deflection():
     osc = vi.ImpactOscillator(amplitude=2.0, stiffness=2000.0, gap=0.2e-3)  # f/k = 1 mm
     up = Edge("gap", 1, "fold", 0.25e-3, 0.05, "f/k")
-    assert edge_text(osc, up) == "up 25 % (5 % of f/k) to 0.00025 m (fold)"
-    at_zero = edge_text(osc.replace(gap=0.0), Edge("gap", 1, "fold", 0.25e-3, 0.25, "f/k"))
-    assert at_zero == "up 25 % of f/k to 0.00025 m (fold)", "zero has no shares"
-    wide = osc.replace(gap=2e-3)
-    assert edge_text(wide, Edge("gap", 1, "fold", 2.5e-3, 0.25, "")) == "up 25 % to 0.0025 m (fold)"
+    assert list(ends_of(verdict_of(osc), up)) == [("0.00025\n+25 %\n+5 % of f/k", "fold")]
+    at_zero = Edge("gap", 1, "fold", 0.25e-3, 0.25, "f/k")
+    zero_has_no_shares = [("0.00025\n+25 % of f/k", "fold")]
+    assert list(ends_of(verdict_of(osc.replace(gap=0.0)), at_zero)) == zero_has_no_shares
+    wide = Edge("gap", 1, "fold", 2.5e-3, 0.25, "")
+    assert list(ends_of(verdict_of(osc.replace(gap=2e-3)), wide)) == [("0.0025\n+25 %", "fold")]
+
+
+def test_boundaries_are_a_table_in_the_units_that_were_given():
+    """Rows of the text, of the notebook and of a comparison are the same; w = 2 pi n/60."""
+    osc = vi.ImpactOscillator(mass=1.2, stiffness=26860.0, damping=8.0, amplitude=100.0, frequency=25.0, gap=0.5e-3)
+    units = {"frequency": "rpm", "gap": "mm"}
+    own, verdict = (vi.describe(osc, parameters=["omega", "gap"], units=given) for given in (None, units))
+    assert own.boundaries == verdict.boundaries
+    lines = str(verdict).splitlines()
+    at = lines.index("boundaries")
+    columns = [match.start() for match in re.finditer(r"\S+(?: \S+)*", lines[at + 1])]
+    assert lines[at + 1].split("  ")[1] == "parameter"
+    table = [[line[i:j].strip() for i, j in pairwise([*columns, None])] for line in lines[at + 2 : at + 6]]
+    assert [row[0] for row in table] == ["frequency [rpm]", "", "gap [mm]", ""]
+    edges = iter(verdict.boundaries)
+    for row, scale in ((table[0], 30.0 / math.pi), (table[2], 1e3)):
+        for place, what in (row[1:3], row[3:5]):
+            edge = next(edges)
+            value, _, half = place.partition(" ± ")
+            assert float(value) == pytest.approx(edge.value * scale, rel=1e-4)
+            assert float(half) == pytest.approx(edge.half_width * scale, rel=0.3)
+            assert what == edge.what
+            assert what in verdict._repr_html_()
+            assert place in verdict._repr_html_()
+            assert place in str(Comparison(("A", "B"), (verdict, verdict)))
+    assert "frequency 1500 rpm" in str(verdict)
+    assert "gap 0.5 mm" in str(verdict)
+    advised = verdict.advice[0]
+    assert advised.parameter == "omega"
+    assert f"frequency by 2.8 % to {advised.value * 30.0 / math.pi:.6g} rpm" in str(verdict)
+    assert "rad/s" not in str(verdict) + str(Comparison(("A", "B"), (verdict, verdict)))
+    assert "omega" not in str(verdict)
 
 
 def test_advice_that_merely_ends_the_chaos_says_so():
@@ -274,12 +312,15 @@ def test_advice_that_merely_ends_the_chaos_says_so():
 def test_on_a_boundary_no_digits_of_rounding_are_told():
     """A preload k g as large as the force: any more force lifts the mass off the stop."""
     verdict = vi.describe(vi.ImpactOscillator(gap=-1.0), parameters=["amplitude"])
-    assert "up at once (the force first lifts the mass off the stop" in " ".join(str(verdict).split())
+    place, what = next(ends_of(verdict, verdict.boundaries[1]))
+    assert place == "at once"
+    assert what.startswith("the force first lifts the mass off the stop")
+    verdict = verdict_of(vi.ImpactOscillator())
     for digits in (1e-15, -3e-13):
         noise = Edge("omega", 1, "grazing", 2.0 * (1.0 + digits), digits, "", beyond="chaotic")
-        assert edge_text(vi.ImpactOscillator(), noise) == "up at once (grazing; chaotic beyond)"
+        assert list(ends_of(verdict, noise)) == [("at once", "grazing;\nchaotic beyond")]
     near = Edge("omega", 1, "grazing", 2.0 * (1.0 + 1e-9), 1e-9, "")
-    assert "at once" not in edge_text(vi.ImpactOscillator(), near)
+    assert "at once" not in str(list(ends_of(verdict, near)))
 
 
 # Hard cases
@@ -356,6 +397,11 @@ def test_the_work_of_a_verdict_is_bounded(fast, chaotic):
         ({"parameters": ["gap", "gap"]}, "drop the repeated one"),
         ({"within": 0.0}, "`within` must be above 0 and up to 1000, got 0.0"),
         ({"within": "far"}, "`within` must be above 0 and up to 1000, got 'far'"),
+        ({"units": {"gpa": "mm"}}, "unknown parameter 'gpa'"),
+        ({"units": {"gap": "s"}}, "`units['gap']` must be a unit that m can be turned into, got 's'"),
+        ({"units": {"gap": 5}}, "`units['gap']` must be a unit that m can be turned into, got 5"),
+        ({"units": {"restitution": "mm"}}, "`units['restitution']` must be 1 or %, got 'mm'"),
+        ({"units": "mm"}, '`units` must be units by parameter, such as {"gap": "mm"}, got \'mm\''),
     ],
 )
 def test_a_wrong_request_names_the_argument_and_the_remedy(arguments, words):
@@ -451,7 +497,8 @@ def test_boundaries_of_two_designs_are_compared_by_parameter_and_direction():
     osc = vi.ImpactOscillator(omega=2.0)
     both = Comparison(("A", "B"), (vi.describe(osc, parameters=["omega"]), vi.describe(ball, parameters=["amplitude"])))
     rows = dict(re.findall(r"^(.*?)  +(.*)$", str(both), re.MULTILINE))
-    assert rows["amplitude, boundary above"].split()[0] == rows["omega, boundary above"].split()[-1] == "-"
+    (loud,) = (row for name, row in rows.items() if re.fullmatch(r"amplitude \[.*\], up to", name))
+    assert loud.split()[0] == rows["omega [rad/s], up to"].split()[-1] == "-"
     data = both.dataset
     assert data["parameter"].values.tolist() == ["omega", "amplitude"]
     for at, verdict in enumerate(both.verdicts):

@@ -15,6 +15,7 @@ from vibroimpact.orbits.sticking import periods_from_release
 from vibroimpact.verdict.advice import advise
 from vibroimpact.verdict.boundaries import _end_of_sticking
 from vibroimpact.verdict.branches import Branches
+from vibroimpact.verdict.changes import ends_of
 from vibroimpact.verdict.edges import Side
 from vibroimpact.verdict.present import coexisting_motions, present_motion
 from vibroimpact.verdict.ranges import range_of
@@ -143,7 +144,9 @@ def test_an_orbit_that_ends_where_it_was_born_is_said_to_halve():
 def test_what_was_seen_beyond_is_given_with_the_value_at_which_it_was():
     verdict = vi.describe(vi.ImpactOscillator(omega=2.6), parameters=["omega"])
     for edge in verdict.boundaries:
-        assert f"(period doubling; period-2 impact-2 at {edge.beyond_at:.6g} rad/s)" in text_of(verdict)
+        ((_, what),) = ends_of(verdict, edge)
+        assert what == f"period doubling;\nperiod-2 impact-2 at {edge.beyond_at:.6g}"
+        assert f"period-2 impact-2 at {edge.beyond_at:.6g}" in text_of(verdict)
 
 
 def test_a_boundary_is_printed_with_as_many_digits_as_part_it_from_the_present_value():
@@ -151,7 +154,8 @@ def test_a_boundary_is_printed_with_as_many_digits_as_part_it_from_the_present_v
     text = text_of(verdict)
     for edge in verdict.boundaries:
         assert 0.0 < abs(edge.change) < 1e-8
-    assert "to 1 N (" not in text
+        ((place, _),) = ends_of(verdict, edge)
+        assert float(place.split()[0]) != 1.0
     assert "expect those around it in a machine" in text
 
 

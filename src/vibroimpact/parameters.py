@@ -141,6 +141,11 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
+def times(number: int) -> str:
+    """Return how often something happens: once, 2 times."""
+    return "once" if number == 1 else f"{number} times"
+
+
 def printable(text: str) -> str:
     """Return a text from elsewhere with its control codes and line ends escaped."""
     return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import html
+import re
 import reprlib
+import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
+from itertools import zip_longest
 from typing import Any, NamedTuple
 
 MOST = 12  # rows of a table, at most
+_TIED = "\u00a0"
 
 BRIEF = reprlib.Repr()
 BRIEF.maxtuple = BRIEF.maxlist = 3  # a chatter has a hundred impacts, a branch some hundred orbits
@@ -45,20 +49,24 @@ def written(table: Table) -> str:
 
 
 def _lines(table: Table) -> Iterator[str]:
-    columns = list(zip(*table.rows, strict=True))
-    sides = ["right" if all(isinstance(value, float) for value in column) else "left" for column in columns]
-    looks = [f'style="text-align: {side}; vertical-align: top; padding: 0.1em 0.8em"' for side in sides]
     yield f"<p><b>{html.escape(table.title)}</b></p>"
     if table.rows:
-        yield "<table>"
-        if any(table.head):
-            yield _row("th", looks, table.head)
-        yield from (_row("td", looks, row) for row in table.rows[:MOST])
-        yield "</table>"
+        yield from _grid(table.head, table.rows[:MOST])
     hidden = len(table.rows) - MOST
     notes = [*([f"{hidden} more"] if hidden > 0 else []), *table.notes]
     if notes:
         yield f"<p>{'<br>'.join(map(html.escape, notes))}</p>"
+
+
+def _grid(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> Iterator[str]:
+    columns = zip(*rows, strict=True)
+    sides = ["right" if all(isinstance(value, float) for value in column) else "left" for column in columns]
+    looks = [f'style="text-align: {side}; vertical-align: top; padding: 0.1em 0.8em"' for side in sides]
+    yield "<table>"
+    if any(head):
+        yield _row("th", looks, head)
+    yield from (_row("td", looks, row) for row in rows)
+    yield "</table>"
 
 
 def _row(tag: str, looks: Sequence[str], values: Sequence[Any]) -> str:
@@ -67,5 +75,38 @@ def _row(tag: str, looks: Sequence[str], values: Sequence[Any]) -> str:
 
 
 def _cell(value: Any) -> str:
+    if isinstance(value, Table):
+        return "".join(_grid(value.head, value.rows))
+    if isinstance(value, list):
+        return "".join(f"<div>{_cell(each)}</div>" for each in value)
     text = f"{value:.4g}" if isinstance(value, float) else str(value)
     return html.escape(text).replace("\n", "<br>")
+
+
+# In plain text
+
+
+def aligned(rows: Iterable[Sequence[str]], widest: int = 1000) -> Iterator[str]:
+    r"""Yield rows of text with their columns aligned; a cell takes several lines where it is wider than `widest`.
+
+    Examples
+    --------
+    >>> print(*aligned([("gap [mm]", "0.5"), ("mass [kg]", "a light\nmass")]), sep="\n")
+    gap [mm]   0.5
+    mass [kg]  a light
+               mass
+    """
+    lines: list[tuple[str, ...]] = []
+    for row in rows:
+        cells = ([part for line in cell.split("\n") for part in wrapped(line, widest)] for cell in row)
+        lines += zip_longest(*cells, fillvalue="")
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for cells_of_line in lines:
+        yield "  ".join(cell.ljust(width) for cell, width in zip(cells_of_line, widths, strict=True)).rstrip()
+
+
+def wrapped(text: str, width: int, first: str = "", later: str = "") -> Iterator[str]:
+    """Yield the lines of a text, broken where it is too long but not between a number and its unit, nor in N s/m."""
+    tied = re.sub(r"(?<=\d) (?=%|[a-zA-Z/]+\b)|(?<=\bN) (?=s\b)", _TIED, text)
+    for line in textwrap.wrap(tied, width, initial_indent=first, subsequent_indent=later):
+        yield line.replace(_TIED, " ")

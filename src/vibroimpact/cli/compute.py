@@ -254,7 +254,11 @@ def describe(options: Options) -> None:
 
     with Meter("verdict", opening=study.announce) as meter, refusing():
         verdict = vibroimpact.describe(
-            study.model, progress=meter, **_search(study, options), **study.arguments("describe")
+            study.model,
+            units=study.units,
+            progress=meter,
+            **_search(study, options),
+            **study.arguments("describe"),
         )
     if options["json"]:
         typer.echo(output.as_json(verdict.to_dict()))
@@ -300,6 +304,7 @@ def compare(options: Options) -> None:
             first.model,
             second.model,
             names=_names(*paths),
+            units=first.units | second.units | first.units,
             progress=meter,
             **_search(first, options),
             **chosen,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import typer
@@ -13,6 +13,7 @@ from vibroimpact.cli import output
 from vibroimpact.cli import schema as o
 from vibroimpact.cli.endings import refusing
 from vibroimpact.cli.options import TEXT, Option, Options, with_options
+from vibroimpact.showing import aligned
 
 PAGE, PICTURES = "docs/guide/machines.md", "docs/images/machines"  # in the repository
 
@@ -31,7 +32,7 @@ def models(options: Options) -> None:
 
     if options["name"] is None:
         listed = {name: _summary(name) for name in names}
-        lines = table(listed.items())
+        lines = aligned(listed.items())
         content: Any = listed
     else:
         with refusing():
@@ -83,15 +84,7 @@ def _page(machine: dict[str, Any]) -> Iterator[str]:
         unit = entry["unit"].removesuffix("1") if entry["unit"] == "1" else entry["unit"]
         span = entry["range"].removeprefix("a finite number").strip() or "any"
         rows.append((entry["name"], default, unit, span, entry["meaning"]))
-    yield from table(rows)
+    yield from aligned(rows)
     yield ""
     yield f"described in {machine['page']}, drawn in {machine['picture']}"
     yield f"use it as: vibroimpact describe --model {machine['name']} -p NAME=VALUE"
-
-
-def table(rows: Any) -> Iterator[str]:
-    """Yield rows of text with their columns aligned."""
-    texts: list[Sequence[str]] = list(rows)
-    widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
-    for row in texts:
-        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()

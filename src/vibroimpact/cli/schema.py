@@ -96,8 +96,8 @@ STUDY = Option("study", "STUDY.toml", "A study file; options complete it or repl
 PARAMETERS = Option(
     "parameter", "NAME=VALUE",
     "A parameter of the model: mass (m, kg), damping (c, N s/m), stiffness (k, N/m), amplitude (f, N), omega (w, "
-    "rad/s) or frequency (Hz), restitution (r), gap (g, m); damping_ratio (zeta) may replace damping. Other units are "
-    "written behind: gap=0.5mm, omega=1500rpm. Repeat it for more. The paper's are m=1 c=0.01 k=1 f=1 w=2 r=0.8 g=0.",
+    "rad/s) or frequency (Hz), restitution (r), gap (g, m); damping_ratio (zeta) may replace damping. Append a unit to "
+    "use another: gap=0.5mm, omega=1500rpm. Repeat it for more. The paper's are m=1 c=0.01 k=1 f=1 w=2 r=0.8 g=0.",
     "Oscillator", flags=("-p", "--parameter"), kind=TEXTS, table="oscillator", read=parse_parameters,
 )  # fmt: skip
 USER_MODEL = Option(

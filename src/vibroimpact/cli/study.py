@@ -9,7 +9,7 @@ import sys
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from vibroimpact.cli.options import Options
 from vibroimpact.cli.schema import ENDS, TABLES
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
-from vibroimpact.model.units import has_unit, without_unit
+from vibroimpact.model.units import has_unit, quantity, shown_as, shown_value, unit_of, without_unit
 from vibroimpact.options import Tolerances
 from vibroimpact.parameters import Parameter, closest, invalid, unknown, whole_number
 
@@ -44,14 +44,20 @@ class Study:
     axes: dict[str, Floats]
     settings: dict[str, Any]
     warning: str = ""
+    units: dict[str, str] = field(default_factory=dict)  # by parameter, as they were given
 
     def __str__(self) -> str:
-        """Return the model and its numbers, or the range of those that an axis varies."""
-        table, values = self.model.parameters, {name: f"{value:g}" for name, value in self.model.values.items()}
+        """Return the model and its numbers, or the range of those that an axis varies, in the units given."""
+        model, units = self.model, self.units
+        varied = {model.parameters[name].replaces or name for name in self.axes}
+        numbers = [
+            f"{shown_as(model, name, units)[0].name} {quantity(model, name, value, 6, units)}"
+            for name, value in model.values.items()
+            if name not in varied
+        ]
         for name, axis in self.axes.items():
-            values.pop(table[name].replaces or name, None)
-            values[name] = f"{axis[0]:g} to {axis[-1]:g}"
-        numbers = (f"{name} {text} {table[name].unit}".removesuffix(" 1") for name, text in values.items())
+            low = f"{shown_value(model, name, float(axis[0]), units):.6g}"
+            numbers.append(f"{name} {low} to {quantity(model, name, float(axis[-1]), 6, units)}")
         return f"{getattr(self.model, '__name__', type(self.model).__name__)}: {', '.join(numbers)}"
 
     def announce(self) -> None:
@@ -91,7 +97,7 @@ def study_of(options: Options, file: Path | None = None) -> Study:
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        document = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         message = f"`study` {str(path)!r} cannot be read ({error.strerror}); {_instead_of(path)}"
         raise OSError(error.errno, message) from error
@@ -101,6 +107,10 @@ def _load(path: Path) -> dict[str, Any]:
         raise ValueError(f"`study` {str(path)!r} is no study file (TOML); {_instead_of(path)}") from error
     except RecursionError:
         raise ValueError(f"`study` {str(path)!r} is invalid TOML: its values are nested too deeply") from None
+    if not document:  # the paper's numbers would be taken for those of the file
+        instead = "write [oscillator] and its numbers" if path.suffix.lower() == ".toml" else _instead_of(path)
+        raise ValueError(f"`study` {str(path)!r} is empty; {instead}")
+    return document
 
 
 def _instead_of(path: Path) -> str:
@@ -162,10 +172,12 @@ def make_study(
     if reader.faults:
         raise ValueError("\n".join(reader.faults))
     tolerances = {"tolerances": Tolerances(**checked["tolerances"])} if checked["tolerances"] else {}
-    written = [*file["oscillator"].values(), *typed.get("oscillator", {}).values(), *file["axes"].values()]
-    in_si = {"mass", "stiffness"} <= set(values) or has_unit([*written, *typed.get("axes", {}).values()])
+    given = {**file["oscillator"], **typed.get("oscillator", {})}, typed.get("axes") or file["axes"]
+    written = {name_of(model, key): value for table in given for key, value in table.items()}
+    in_si = {"mass", "stiffness"} <= set(values) or has_unit(written.values())
     warning = mixed_units_warning({*values, *axes}) if in_si and "model" not in document else ""
-    return Study(model, axes, {**checked["sampling"], **checked["run"], **start, **tolerances}, warning)
+    units = {name: unit_of(written[name]) or model.parameters[name].unit for name in {**values, **axes}}
+    return Study(model, axes, {**checked["sampling"], **checked["run"], **start, **tolerances}, warning, units)
 
 
 class _Reader:
@@ -312,4 +324,4 @@ def mixed_units_warning(names: set[str]) -> str:
     names = {table[name].replaces or name for name in names}
     defaults = [name for name in ("mass", "damping", "stiffness", "amplitude", "omega") if name not in names]
     numbers = ", ".join(f"{name} = {getattr(usual, name):g} {table[name].unit}" for name in defaults)
-    return f"numbers of the paper stand beside your own: {numbers}; give them too" if defaults else ""
+    return f"not given, so the paper's values are used: {numbers}" if defaults else ""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Any
 
+from vibroimpact.model import Model, check_names
 from vibroimpact.parameters import Parameter, invalid, to_install
 
 # A number, then a unit; what follows the number is no exponent.
@@ -40,29 +41,94 @@ def without_unit(parameter: Parameter, value: Any) -> Any:
     written = _WITH_UNIT.fullmatch(value) if isinstance(value, str) else None
     if written is None:
         return value
-    return _converted(parameter, value, float(written[1]), written[2].strip().replace("%", "percent"))
-
-
-def has_unit(value: Any) -> bool:
-    """Return whether a value, or one of several, is written with a unit; a percentage has none."""
-    if isinstance(value, (Mapping, list, tuple)):
-        return any(map(has_unit, value.values() if isinstance(value, Mapping) else value))
-    return isinstance(value, str) and (written := _WITH_UNIT.fullmatch(value)) is not None and written[2].strip() != "%"
-
-
-def _converted(parameter: Parameter, text: str, number: float, unit: str) -> float:
-    wanted, given = (_RATE.sub(r"turn/\1", _POWER.sub("^", each)) for each in (parameter.unit, unit))
-    if wanted == "1":
-        allowed = "a number without a unit, or in %"
-    else:
-        allowed = f"a number, or one with a unit that can be turned into {parameter.unit}"
-    units, faults = _registry()
+    faults = _registry()[1]
     try:
-        value = float(units.Quantity(number, given).to("dimensionless" if wanted == "1" else wanted).magnitude)
+        return _converted(float(written[1]), written[2].strip(), parameter.unit)
     except faults:
-        raise invalid(parameter.name, text, allowed) from None
+        turned = f"a number, or one with a unit that can be turned into {parameter.unit}"
+        allowed = "a number without a unit, or in %" if parameter.unit == "1" else turned
+        raise invalid(parameter.name, value, allowed) from None
+
+
+def has_unit(values: Iterable[Any]) -> bool:
+    """Return whether one of several values is written with a unit; a percentage has none."""
+    return any(unit_of(value) not in ("", "%") for value in values)
+
+
+def unit_of(value: Any) -> str:
+    """Return the unit that is written with a value, or with the last of several that has one; "" where none is.
+
+    Examples
+    --------
+    >>> unit_of("1500rpm"), unit_of({"from": 10, "to": "20 Hz", "points": 5}), unit_of("2%"), unit_of(0.5)
+    ('rpm', 'Hz', '%', '')
+    """
+    if isinstance(value, (Mapping, list, tuple)):
+        several = list(value.values() if isinstance(value, Mapping) else value)
+        return next(filter(None, map(unit_of, reversed(several))), "")
+    written = _WITH_UNIT.fullmatch(value) if isinstance(value, str) else None
+    return written[2].strip() if written else ""
+
+
+def shown_as(model: Model, name: str, units: Mapping[str, str]) -> tuple[Parameter, str]:
+    """Return the parameter, and its unit, in which values of a parameter are written.
+
+    `units` names both: where it has `frequency`, which replaces `omega`, that is written instead.
+    """
+    table = model.parameters
+    given = next((each for each in units if each in table and name in (each, table[each].replaces)), name)
+    return table[given], units.get(given, table[given].unit)
+
+
+def shown_value(model: Model, name: str, value: float, units: Mapping[str, str]) -> float:
+    """Return a value of a parameter as `shown_as` writes it.
+
+    Examples
+    --------
+    >>> from vibroimpact import ImpactOscillator
+    >>> round(shown_value(ImpactOscillator(), "omega", 50.0 * math.pi, {"frequency": "rpm"}), 9)
+    1500.0
+    """
+    parameter, unit = shown_as(model, name, units)
+    if parameter.name != name:
+        value = float(getattr(model.replace(**{name: value}), parameter.name))
+    return value if unit == parameter.unit else _converted(value, parameter.unit, unit)
+
+
+def quantity(model: Model, name: str, value: float, digits: int, units: Mapping[str, str]) -> str:
+    """Return a value of a parameter with its unit, both as `shown_as` writes them."""
+    unit = shown_as(model, name, units)[1]
+    return f"{shown_value(model, name, value, units):.{digits}g} {unit}".removesuffix(" 1")
+
+
+def check_units(model: Model, units: Mapping[str, str] | None) -> dict[str, str]:
+    """Return units by parameter, or refuse an unknown parameter and a unit of something else."""
+    if not isinstance(units, Mapping | None):
+        raise invalid("units", units, 'units by parameter, such as {"gap": "mm"}')
+    chosen = dict(units or {})
+    check_names(model.parameters, chosen)
+    for name, unit in chosen.items():
+        own = model.parameters[name].unit
+        try:
+            if unit != own:
+                _converted(1.0, own, unit)
+        except _registry()[1]:
+            allowed = "1 or %" if own == "1" else f"a unit that {own} can be turned into"
+            raise invalid(f"units[{name!r}]", unit, allowed) from None
+    return chosen
+
+
+def _converted(number: float, given: str, wanted: str) -> float:
+    """Return a number of one unit in another, or raise what pint raises."""
+    value = float(_registry()[0].Quantity(number, _name_of(given)).to(_name_of(wanted)).magnitude)
     short = float(f"{value:.14g}")  # 0.4 mm, not 0.39999999999999997 mm
     return short if abs(short - value) <= 2.0 * math.ulp(value) else value
+
+
+def _name_of(unit: str) -> str:
+    """Return what pint calls a unit."""
+    named = {"1": "dimensionless", "%": "percent"}.get(unit, unit)
+    return _RATE.sub(r"turn/\1", _POWER.sub("^", named))
 
 
 @cache

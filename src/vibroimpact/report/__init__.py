@@ -14,7 +14,7 @@ from vibroimpact.dataset import bifurcation_name, model_of, unbundle
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
 from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along
 from vibroimpact.motion.recognition import recognise, recurrence
-from vibroimpact.parameters import counted, hertz
+from vibroimpact.parameters import counted, hertz, times
 from vibroimpact.report.quantities import axis_range, initial_condition, quantity, spaced, span
 from vibroimpact.report.sweeps import diagram_sentences, map_sentences
 from vibroimpact.report.systems import each_stop, moving_columns, system_sentence
@@ -59,7 +59,7 @@ def _simulation(dataset: xr.Dataset) -> Iterator[str]:
     if "coordinate" in dataset.dims:
         yield from each_stop(dataset)
     elif rests := dataset.sizes.get("stick", 0):
-        yield f"comes to rest at the stop {counted(rests, 'time')}"
+        yield f"comes to rest at the stop {times(rests)}"
     yield from _ending(dataset)
 
 

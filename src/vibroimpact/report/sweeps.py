@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.dataset import model_of
-from vibroimpact.indices import EVERY, ROUNDING, spread_scale
-from vibroimpact.motion import MotionClass, decide, may_wind, motion_name, refined
+from vibroimpact.indices import EVERY, ROUNDING, VELOCITY_INDICES, spread_scale
+from vibroimpact.motion import MotionClass, decide, listed, may_wind, motion_name, refined
 from vibroimpact.motion.classes import NEEDED, classify
 from vibroimpact.motion.recognition import cycle_length, recurrence
 from vibroimpact.parameters import counted
@@ -88,13 +88,19 @@ def _index(field: xr.DataArray, axes: list[str], scale: float) -> str:
         return f"{head}: no cell has a finite value"
     peak = field.isel({str(dim): int(at) for dim, at in values.argmax(...).items()})
     place = ", ".join(f"{axis} = {float(peak[axis]):.4g}" for axis in axes)
+    unstruck = ""
+    if "stop" in field.dims:
+        place += f", on {peak['stop'].item()}"
+        silent = [name for name in field["stop"].values.tolist() if field.sel(stop=name).isnull().all()]
+        if silent and field.name in VELOCITY_INDICES:
+            unstruck = f"; {listed(silent)} {'is' if len(silent) == 1 else 'are'} never struck in the impacts kept"
     if "start" in field.dims:
         head += f", the largest of {field.sizes['start']} initial conditions"
         place += f", start = {int(peak['start'])}"
         field, values = field.max("start"), values.max("start").assign_attrs(field.attrs)
     infinite = 100.0 * float(np.isinf(field).mean())
     partly = f"; infinite in {infinite:.3g} % of the cells" if infinite else ""
-    return f"{head}: {span(values)}, largest at {place}{partly}"
+    return f"{head}: {span(values)}, largest at {place}{partly}{unstruck}"
 
 
 def _motions(classes: xr.Dataset) -> Iterator[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from vibroimpact.coexistence.losses import driven
 from vibroimpact.motion import cycle_name, listed
 from vibroimpact.motion.recognition import recurrence, system_cycle
-from vibroimpact.parameters import counted
+from vibroimpact.parameters import counted, times
 from vibroimpact.report.quantities import quantity
 from vibroimpact.status import Status
 
@@ -71,7 +71,7 @@ def each_stop(dataset: xr.Dataset) -> Iterator[str]:
             least = float(dataset["clearance"].sel(stop=name).min())
             parts.append(f"clearance at least {quantity(least, 'm', 4)}")
         if rests:
-            parts.append(f"closes {counted(rests, 'time')}")
+            parts.append(f"closes {times(rests)}")
         yield f"  {name}: {', '.join(parts)}"
     if "simultaneous" in dataset and (number := int(dataset["simultaneous"].sum())):
         yield f"  {counted(number, 'impact')} simultaneous with others"

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from itertools import zip_longest
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from vibroimpact import report
 from vibroimpact.model import Model
+from vibroimpact.model.units import quantity, shown_as, shown_value
 from vibroimpact.orbits.orbit import value_of
-from vibroimpact.parameters import hertz
+from vibroimpact.parameters import Parameter, hertz
+from vibroimpact.showing import Table
 from vibroimpact.verdict.advice import Advice
 from vibroimpact.verdict.carried import LONG
 from vibroimpact.verdict.edges import ONSETS, Edge, Onset
+from vibroimpact.verdict.hits import speed
 from vibroimpact.verdict.ranges import PLACES, percent, present_value
 
 if TYPE_CHECKING:
@@ -20,25 +24,34 @@ if TYPE_CHECKING:
 
 FINE = 1e-8  # relative: no machine is set so exactly
 EXACT = 17  # digits that tell any two numbers apart
+HEAD = ("parameter", "down to", "what happens", "up to", "what happens")
+OWN_UNITS: Mapping[str, str] = MappingProxyType({})  # of the parameters themselves
 MANY_GAPS = 10.0  # a change so many times the gap is given relative to f/k alone
 
 
-def boundary_lines(verdict: Verdict) -> Iterator[str]:
+def boundary_facts(verdict: Verdict) -> Iterator[str | Table]:
     """Yield where the motion ends down and up each parameter, and for which initial conditions that holds."""
     edges, carried = verdict.boundaries, verdict.oscillator.forgets
     if edges and verdict.orbit is None and not carried:
         yield "not sought: only those of periodic motions with impacts that never rest at a stop are followed"
         return
-    for down, up in zip(edges[::2], edges[1::2], strict=True):
-        not_sought = down.not_sought or up.not_sought
-        to_report = any(edge.found or edge.spacing or onset_texts(edge) for edge in (down, up))
-        if to_report or (not_sought and not carried):
-            yield f"{down.parameter}: {edge_text(verdict.model, down)}; {edge_text(verdict.model, up)}"
-        elif not_sought:
-            yield f"{down.parameter}: not sought, as the motion is not decided"
-        else:
-            yield f"{down.parameter}: none from {down.searched_to:.4g} to {up.searched_to:.4g}"
+    if edges:
+        ends = zip(edges[::2], edges[1::2], strict=True)
+        yield Table("", HEAD, [row for down, up in ends for row in _rows(verdict, down, up)])
     yield from _about(verdict)
+
+
+def _rows(verdict: Verdict, down: Edge, up: Edge) -> Iterator[tuple[str, ...]]:
+    """Yield the rows of a parameter: the ways down and up side by side, the nearest onset or boundary first."""
+    name = labelled(*shown_as(verdict.model, down.parameter, verdict.units))
+    for below, above in zip_longest(ends_of(verdict, down), ends_of(verdict, up), fillvalue=("", "")):
+        yield name, *below, *above
+        name = ""
+
+
+def labelled(parameter: Parameter, unit: str) -> str:
+    """Return the name of a parameter with a unit."""
+    return parameter.name if unit == "1" else f"{parameter.name} [{unit}]"
 
 
 def _about(verdict: Verdict) -> Iterator[str]:
@@ -67,33 +80,37 @@ def _about(verdict: Verdict) -> Iterator[str]:
         yield f"changes of less than {percent(FINE)} lead to other motions: expect those around it in a machine"
 
 
-def edge_text(model: Model, edge: Edge) -> str:
-    """Return a boundary in words, such as 'up 3.1 % to 2.693 rad/s (period doubling; period-2 impact-2 at 2.695)'.
+def ends_of(verdict: Verdict, edge: Edge) -> Iterator[tuple[str, str]]:
+    """Yield the values at which something happens on the way along a parameter, each with what happens there.
 
     For a motion without impacts others come first, where they differ: from where on some initial condition settles to
     impacts, and the motion from rest strikes the stop or settles to impacts.
     """
-    way = "down" if edge.direction < 0 else "up"
-    beyond = _beyond(model, edge) if edge.beyond and edge.kind != "change" else ""
     if edge.at_once:
-        return f"{way} at once ({edge.what}{beyond})"
+        yield "at once", _event(verdict, edge)
+        return
     if edge.not_sought:
-        return f"{way} not followed to its end"
-    parts = [_place(model, edge, onset, [what]) for onset, what in onset_texts(edge)]
+        undecided = verdict.oscillator.forgets
+        yield "-", "not sought, as the motion is not decided" if undecided else "not followed to its end"
+        return
+    onsets = onset_texts(edge)
+    for onset, what in onsets:
+        yield _place(verdict, edge, onset), what
     steps = f"in steps of {percent(edge.spacing)}{f' of {edge.of}' if edge.of else ''}" if edge.spacing else ""
     if edge.found:
-        parts.append(_place(model, edge, edge, [edge.what + beyond, "" if edge.exact else edge.accuracy, steps]))
+        yield _place(verdict, edge, edge), "\n".join(filter(None, (_event(verdict, edge), steps)))
     else:
-        motion = "of the motion itself " if parts else ""
-        parts.append(f"{motion}none to {edge.searched_to:.4g}{f' ({steps})' if steps else ''}")
-    return f"{way} {', '.join(parts)}"
+        what = "this motion persists" if onsets else "no boundary"
+        yield _value(verdict, edge, edge.searched_to, 4), "\n".join(filter(None, (what, steps)))
 
 
-def _beyond(model: Model, edge: Edge) -> str:
-    """Return the motion beyond an edge, and where it was computed."""
-    if math.isnan(edge.beyond_at):
-        return f"; {edge.beyond} beyond"
-    return f"; {edge.beyond} at {report.quantity(edge.beyond_at, model.parameters[edge.parameter].unit, 6)}"
+def _event(verdict: Verdict, edge: Edge) -> str:
+    """Return a boundary in words, and the motion beyond with the value at which it was computed."""
+    if not edge.beyond or edge.kind == "change":
+        return edge.what
+    if math.isnan(at := edge.beyond_at):
+        return f"{edge.what};\n{edge.beyond} beyond"
+    return f"{edge.what};\n{edge.beyond} at {_value(verdict, edge, at, _digits(verdict, edge, at, 6))}"
 
 
 def onset_texts(edge: Edge) -> list[tuple[Onset, str]]:
@@ -107,30 +124,48 @@ def onset_texts(edge: Edge) -> list[tuple[Onset, str]]:
     return sorted((pair for pair in onsets if pair[0].change), key=lambda pair: abs(pair[0].change))
 
 
-def _place(model: Model, edge: Edge, at: Edge | Onset, about: list[str]) -> str:
-    """Return a value on the way along a parameter, and what is known of it."""
-    present, digits = value_of(model, edge.parameter), 6 if at.half_width == 0.0 else 5
-    while digits < EXACT and f"{at.value:.{digits}g}" == f"{present:.{digits}g}" and at.value != present:
+def _place(verdict: Verdict, edge: Edge, at: Edge | Onset) -> str:
+    """Return a value on the way along a parameter, how well it is known, and the change to it."""
+    digits = _digits(verdict, edge, at.value, 6 if at.half_width == 0.0 else 5)
+    lines = [_value(verdict, edge, at.value, digits)]
+    if at is edge and at.half_width:
+        lines[0] += f" \u00b1 {_value(verdict, edge, at.half_width, 1)}"
+    if shown_as(verdict.model, edge.parameter, verdict.units)[1] == "rad/s":
+        lines.append(f"{hertz(at.value):.{digits}g} Hz")
+    sign = "-" if edge.direction < 0 else "+"
+    changes = (sign + change for change in change_texts(verdict.model, edge.parameter, at.value))
+    return "\n".join([*lines, *changes])
+
+
+def _digits(verdict: Verdict, edge: Edge, value: float, digits: int) -> int:
+    """Return as many digits as part a value from the present one, or more."""
+    present = value_of(verdict.model, edge.parameter)
+    differs = value != present
+    while differs and digits < EXACT and _value(verdict, edge, value, digits) == _value(verdict, edge, present, digits):
         digits += 1
-    place = quantity(model, edge.parameter, at.value, digits)
-    return f"{change_text(model, edge.parameter, at.value)} to {place} ({'; '.join(filter(None, about))})"
+    return digits
 
 
-def change_text(model: Model, parameter: str, value: float) -> str:
-    """Return the size of a change, of the gap also relative to the gap itself: '3.1 %', or '14 % (4.1 % of f/k)'."""
+def _value(verdict: Verdict, edge: Edge, value: float, digits: int) -> str:
+    return f"{shown_value(verdict.model, edge.parameter, value, verdict.units):.{digits}g}"
+
+
+def change_texts(model: Model, parameter: str, value: float) -> list[str]:
+    """Return the size of a change, of the gap also relative to the gap itself: 3.1 %, or 14 % and 4.1 % of f/k."""
     present = present_value(model, parameter)
     size = present.percent(value)
     if present.of != "f/k" or not present.value:
-        return size
+        return [size]
     share = abs(value / present.value - 1.0)
-    return f"{percent(share)} ({size})" if share < MANY_GAPS else size
+    return [percent(share), size] if share < MANY_GAPS else [size]
 
 
-def advice_text(model: Model, advice: Advice) -> str:
+def advice_text(model: Model, advice: Advice, units: Mapping[str, str] = OWN_UNITS) -> str:
     """Return a piece of advice in words."""
-    change = change_text(model, advice.parameter, advice.value)
+    change, *of = change_texts(model, advice.parameter, advice.value)
     verb = "raise" if advice.change > 0.0 else "lower"
-    head = f"{verb} {advice.parameter} by {change} to {quantity(model, advice.parameter, advice.value, 6)}: "
+    head = f"{verb} {shown_as(model, advice.parameter, units)[0].name} by {change}{f' ({of[0]})' if of else ''}"
+    head += f" to {with_hertz(model, advice.parameter, advice.value, units)}: "
     if advice.benefit == "no_impact":
         return f"{head}{advice.motion}"
     softer = 100.0 * (1.0 - advice.max_velocity / advice.before)
@@ -143,21 +178,17 @@ def advice_text(model: Model, advice: Advice) -> str:
 # Numbers with their units
 
 
-def parameters_line(model: Model) -> str:
-    """Return the parameters of a model in a line."""
-    return ", ".join(f"{name} {quantity(model, name, value, 6)}" for name, value in model.values.items())
+def parameters_line(verdict: Verdict) -> str:
+    """Return the parameters of a design in a line."""
+    model, units = verdict.model, verdict.units
+    values = [(name, with_hertz(model, name, value, units)) for name, value in model.values.items()]
+    return ", ".join(f"{shown_as(model, name, units)[0].name} {text}" for name, text in values)
 
 
-def quantity(model: Model, name: str, value: float, digits: int) -> str:
+def with_hertz(model: Model, name: str, value: float, units: Mapping[str, str]) -> str:
     """Return a value of a parameter with its unit; an angular frequency also in Hz."""
-    unit = model.parameters[name].unit
-    text = report.quantity(value, unit, digits)
-    return f"{text} ({hertz(value):.{digits}g} Hz)" if unit == "rad/s" else text
-
-
-def speed(velocity: float) -> str:
-    """Return an impact velocity with its unit."""
-    return report.quantity(velocity, "m/s", 4)
+    text = quantity(model, name, value, 6, units)
+    return f"{text} ({hertz(value):.6g} Hz)" if shown_as(model, name, units)[1] == "rad/s" else text
 
 
 def number(value: float, digits: int) -> str:

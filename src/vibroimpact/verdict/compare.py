@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,14 +23,16 @@ from vibroimpact.dataset import (
 )
 from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.model import Model
+from vibroimpact.model.units import shown_as, shown_value
 from vibroimpact.options import Tolerances
 from vibroimpact.parameters import Parameter, hertz, invalid, several
 from vibroimpact.progress import Report, reporter
+from vibroimpact.showing import aligned
 from vibroimpact.status import Status
-from vibroimpact.verdict.changes import advice_text, onset_texts
+from vibroimpact.verdict.changes import advice_text, ends_of, labelled
 from vibroimpact.verdict.describe import Verdict, describe
 from vibroimpact.verdict.edges import BOUNDARIES, ONSETS, Edge
-from vibroimpact.verdict.ranges import percent, present_value
+from vibroimpact.verdict.ranges import percent
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -51,40 +54,51 @@ class Comparison:
     verdicts: tuple[Verdict, Verdict]
 
     def __str__(self) -> str:
-        rows = [("", *self.names), *self._rows()]
-        widths = [max(len(row[column]) for row in rows) for column in range(2)]
-        table = [f"{row[0]:<{widths[0]}}  {row[1]:<{widths[1]}}  {row[2]}".rstrip() for row in rows]
-        return "\n".join([*table, *self._advice()])
+        return "\n".join([*aligned([("", *self.names), *self._rows()]), *self._advice()])
 
     def _rows(self) -> Iterator[tuple[str, str, str]]:
         """Yield label and both cells; a star marks parameters that differ."""
         first, second = self.verdicts
-        for parameter, (a, b) in self._parameters():
-            star = " *" if a != b else ""
-            yield _labelled(parameter.long_name, parameter.unit) + star, _number(a), _number(b)
-            if parameter.unit == "rad/s":
+        models, units = self._models(), first.units
+        for parameter, pair in self._parameters():
+            star = " *" if pair[0] != pair[1] else ""
+            owner = models[0] if parameter.name in models[0].parameters else models[1]
+            shown, unit = shown_as(owner, parameter.name, units)
+            cells = [
+                _number(value if math.isnan(value) else shown_value(owner, parameter.name, value, units))
+                for value in pair
+            ]
+            yield _labelled(shown.long_name, unit) + star, cells[0], cells[1]
+            if unit == "rad/s":
                 frequency = _labelled(parameter.long_name.replace("angular ", ""), "Hz")
-                yield frequency + star, _number(hertz(a)), _number(hertz(b))
+                yield frequency + star, _number(hertz(pair[0])), _number(hertz(pair[1]))
         yield "motion, from rest", first.motion.name, second.motion.name
         yield "hardest hit, from rest [m/s]", _number(first.max_velocity), _number(second.max_velocity)
         yield "hardest hit, from any initial condition [m/s]", _worst(first), _worst(second)
         for name in INDICES:
             yield _labelled(*VARIABLES[name][:2]), _index(first, name), _index(second, name)
         yield "mean power lost [W]", _number(first.power), _number(second.power)
-        for (varied, direction), (one, other) in self._boundaries().items():
-            side = "below" if direction < 0 else "above"
-            yield f"{varied}, boundary {side}", _boundary(first, one), _boundary(second, other)
+        for (varied, direction), edges in self._boundaries().items():
+            name = labelled(*shown_as(first.model if edges[0] else second.model, varied, units))
+            ends = [ends_of(verdict, edge) if edge else () for verdict, edge in zip(self.verdicts, edges, strict=True)]
+            for at, (one, other) in enumerate(zip_longest(*ends, fillvalue=("-", ""))):
+                label = f"{name}, {'down' if direction < 0 else 'up'} to"
+                yield label if at == 0 else "", "\n".join(one).rstrip(), "\n".join(other).rstrip()
         yield "coexisting motions", _others(first), _others(second)
 
     def _parameters(self) -> Iterator[tuple[Parameter, tuple[float, float]]]:
         """Yield the parameters of both designs: their models' own if these are the same, else the oscillators'."""
-        models: list[Model] = [verdict.model for verdict in self.verdicts]
-        if set(models[0].values) != set(models[1].values):
-            models = [verdict.oscillator for verdict in self.verdicts]
+        models = self._models()
         first, second = (model.values for model in models)
         for name in dict.fromkeys([*first, *second]):
             model = models[0] if name in first else models[1]
             yield model.parameters[name], (first.get(name, math.nan), second.get(name, math.nan))
+
+    def _models(self) -> list[Model]:
+        """Return the models of both designs if these have the same parameters, else their oscillators."""
+        models: list[Model] = [verdict.model for verdict in self.verdicts]
+        alike = set(models[0].values) == set(models[1].values)
+        return models if alike else [verdict.oscillator for verdict in self.verdicts]
 
     def _boundaries(self) -> dict[tuple[str, int], list[Edge | None]]:
         """Return the boundaries of both designs by parameter and direction; None where one was not varied so."""
@@ -94,7 +108,7 @@ class Comparison:
     def _advice(self) -> Iterator[str]:
         for name, verdict in zip(self.names, self.verdicts, strict=True):
             if verdict.advice:
-                yield f"to soften the impacts of {name}: {advice_text(verdict.model, verdict.advice[0])}"
+                yield f"to soften the impacts of {name}: {advice_text(verdict.model, verdict.advice[0], verdict.units)}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return both verdicts as plain dictionaries, ready for JSON."""
@@ -185,20 +199,6 @@ def _index(verdict: Verdict, name: str) -> str:
     return _number(shown_spread(verdict.indices[name], spread_scale(name, verdict.max_velocity)))
 
 
-def _boundary(verdict: Verdict, edge: Edge | None) -> str:
-    if edge is None:
-        return "-"
-    if edge.at_once:
-        return f"at once ({edge.what})"
-    onsets = [f"{what} {onset.value:.5g}" for onset, what in onset_texts(edge)]
-    if not edge.found:
-        end = "not sought" if edge.not_sought else f"none to {edge.searched_to:.4g}"
-        return f"{end} ({', '.join(onsets)})" if onsets else end
-    change = present_value(verdict.model, edge.parameter).percent(edge.value)
-    about = ", ".join([f"{'-' if edge.direction < 0 else '+'}{change}", edge.what, *onsets])
-    return f"{edge.value:.6g} ({about})"
-
-
 def _worst(verdict: Verdict) -> str:
     share = f" ({percent(verdict.harder.share)} of them)" if verdict.harder else ""
     return _number(_hardest(verdict)) + share
@@ -223,6 +223,7 @@ def compare(
     names: tuple[str, str] = ("A", "B"),
     parameters: Iterable[str] | None = None,
     within: float = 3.0,
+    units: Mapping[str, str] | None = None,
     tolerances: Tolerances | None = None,
     workers: int | None = None,
     progress: bool | Report = False,
@@ -235,7 +236,7 @@ def compare(
         The two designs.
     names : tuple of two str
         Their names; not the same.
-    parameters, within, tolerances, workers
+    parameters, within, units, tolerances, workers
         As of `describe`.
     progress : bool or callable
         True shows a bar; a callable gets (parts done, parts in all, None) and stops by returning False.
@@ -274,6 +275,7 @@ def compare(
                 design,
                 parameters=varied,
                 within=within,
+                units=units,
                 tolerances=tolerances,
                 workers=workers,
                 progress=partial(tally, before),

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import count
 from typing import Any
 
 from vibroimpact.coexistence.measuring import EQUAL, Runner, SpentError
 from vibroimpact.model import Model, check_model
+from vibroimpact.model.units import check_units
 from vibroimpact.motion import Motion
 from vibroimpact.options import Tolerances
 from vibroimpact.progress import Report, reporter
@@ -66,6 +67,8 @@ class Verdict(Shown):
         Motions computed for it, and their certified steps.
     stops : tuple of str
         For systems: the stop of each impact of the motion.
+    units : dict
+        Units in which the text gives parameters, by name; the numbers of the fields are in the parameters' own.
     """
 
     model: Model
@@ -85,6 +88,7 @@ class Verdict(Shown):
     cells: int = 0
     steps: int = 0
     stops: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def power(self) -> float:
@@ -121,7 +125,7 @@ class Verdict(Shown):
         return "\n".join(verdict_lines(self))
 
     def _table(self) -> Table:
-        facts = [(title, "\n".join(lines)) for title, lines in verdict_facts(self) if lines]
+        facts = [(title, lines) for title, lines in verdict_facts(self) if lines]
         return Table(f"from rest {self.motion.name}", ("", ""), facts)
 
     def to_dict(self) -> dict[str, Any]:
@@ -162,6 +166,7 @@ def describe(
     *,
     parameters: Iterable[str] | None = None,
     within: float = 3.0,
+    units: Mapping[str, str] | None = None,
     tolerances: Tolerances | None = None,
     workers: int | None = None,
     progress: bool | Report = False,
@@ -179,6 +184,9 @@ def describe(
         How far each is varied: from value / (1 + within) to value * (1 + within), where 3 is a quarter to fourfold; the
         gap by `within` times the larger of |g| and f/k. What is 0 has a scale that the design gives it: a gap its
         static deflection, damping a twentieth of the critical one.
+    units : mapping of str to str, optional
+        Units in which the text gives parameters, as {"gap": "mm", "frequency": "rpm"}, where `frequency` stands for
+        `omega`; all others are in their own. Numbers are not converted. Needs pint.
     tolerances : Tolerances, optional
         Numerical tolerances.
     workers : int, optional
@@ -195,7 +203,8 @@ def describe(
     Raises
     ------
     ValueError
-        `osc` is not a model, one of `parameters` is not among its own, or `within` is not a number > 0.
+        `osc` is not a model, one of `parameters` or of `units` is not among its own, a unit is of something else, or
+        `within` is not a number > 0.
 
     Notes
     -----
@@ -230,7 +239,7 @@ def describe(
     ('period_doubling', 1.258962235, 'exact')
     """
     check_model(osc)
-    reach = check_within(within)
+    reach, shown = check_within(within), check_units(osc, units)
     ranges = [range_of(osc, name, reach) for name in check_parameters(osc, parameters)]
     runner = Runner("cpu", tolerances, workers)
     parts = len(ranges) + BESIDE
@@ -262,6 +271,7 @@ def describe(
         cells=runner.measured,
         steps=runner.steps,
         stops=present.attractor.stops if present.attractor else (),
+        units=shown,
         **surroundings,
     )
 

@@ -7,9 +7,7 @@ stop is named.
 from __future__ import annotations
 
 import math
-import re
-import textwrap
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +17,10 @@ from vibroimpact import report
 from vibroimpact.coexistence.losses import lasting_stops
 from vibroimpact.coexistence.measuring import EQUAL, PAPER, SPREAD
 from vibroimpact.motion import MotionClass, listed
-from vibroimpact.parameters import counted
+from vibroimpact.showing import Table, aligned, wrapped
 from vibroimpact.verdict.advice import INSTANTS
-from vibroimpact.verdict.changes import advice_text, boundary_lines, number, parameters_line, speed
+from vibroimpact.verdict.changes import advice_text, boundary_facts, number, parameters_line
+from vibroimpact.verdict.hits import hardest_lines, hit_lines, is_one_mass, on_stop, speed
 from vibroimpact.verdict.present import Coexisting, step_limit
 from vibroimpact.verdict.ranges import percent
 
@@ -32,26 +31,25 @@ MARGIN, WIDTH = 12, 110  # characters: of the titles, and of a line
 PRECISION = 1e-6  # of the motion's size: how well a state is known whose future is predicted
 NEUTRAL = 1e-3  # per period: an exponent so small says nothing of whether perturbations decay
 CHANGES = 3  # advised, listed at most
-IMPACTS = 4  # of a cycle, listed at most
 MOTIONS = 12  # coexisting, listed at most
 HARDER = 1.02  # times the hits of a motion: transients that hit so hard are mentioned
 FIRST = PAPER.transient + PAPER.keep  # impacts that a map computes of a motion
-_TIED = "\u00a0"
+INDENT, CELL = "  ", 30  # of a table, and its widest cells
+
+Fact = str | Table
+Writer = Callable[["Verdict"], Iterator[Fact]]
 
 
-Writer = Callable[["Verdict"], Iterator[str]]
-
-
-def verdict_facts(verdict: Verdict) -> Iterator[tuple[str, list[str]]]:
+def verdict_facts(verdict: Verdict) -> Iterator[tuple[str, list[Fact]]]:
     """Yield the titles of a verdict, each with its facts."""
     writers: dict[str, Writer] = {
         verdict.oscillator.kind: _model,
         "motion": _motion,
-        "hits": _hits,
+        "hits": hit_lines,
         "energy": _energy,
         "at rest": _rest,
         "stability": _stability,
-        "boundaries": boundary_lines,
+        "boundaries": boundary_facts,
         "coexisting": _coexisting,
         "advice": _advice_lines,
     }
@@ -63,7 +61,7 @@ def verdict_facts(verdict: Verdict) -> Iterator[tuple[str, list[str]]]:
 
 def short_lines(verdict: Verdict) -> Iterator[str]:
     """Yield a verdict in some five lines: the motion, the hardest hits of all motions, one piece of advice."""
-    writers: dict[str, Writer] = {"motion": _motion, "hardest": _hardest, "advice": _advice_lines}
+    writers: dict[str, Writer] = {"motion": _motion, "hardest": hardest_lines, "advice": _advice_lines}
     yield from _laid_out((title, islice(writer(verdict), 1)) for title, writer in writers.items())
     if not verdict.complete:
         yield from _laid_out([("stopped", [_stopped(verdict)])])
@@ -74,11 +72,16 @@ def verdict_lines(verdict: Verdict) -> Iterator[str]:
     yield from _laid_out(verdict_facts(verdict))
 
 
-def _laid_out(parts: Iterable[tuple[str, Iterable[str]]]) -> Iterator[str]:
-    """Yield titled facts line by line."""
+def _laid_out(parts: Iterable[tuple[str, Iterable[Fact]]]) -> Iterator[str]:
+    """Yield titled facts line by line; a table stands under its title, as it is wide."""
     for title, facts in parts:
-        for i, line in enumerate(facts):
-            yield from _wrapped((title if i == 0 else "").ljust(MARGIN), line)
+        for i, fact in enumerate(facts):
+            head = (title if i == 0 else "").ljust(MARGIN)
+            if isinstance(fact, str):
+                yield from wrapped(fact, WIDTH, head, " " * (MARGIN + 2))
+            else:
+                yield from filter(None, [head.strip()])
+                yield from (INDENT + line for line in aligned([fact.head, *fact.rows], CELL))
 
 
 def _stopped(verdict: Verdict) -> str:
@@ -91,22 +94,10 @@ def _stopped(verdict: Verdict) -> str:
     )
 
 
-def _wrapped(head: str, line: str) -> Iterator[str]:
-    """Yield a line, broken where it is too long but not between a number and its unit, nor within N s/m."""
-    kept = re.sub(r"(?<=\d) (?=%|[a-zA-Z/]+\b)|(?<=\bN) (?=s\b)", _TIED, line)
-    for part in textwrap.wrap(kept, WIDTH, initial_indent=head, subsequent_indent=" " * (MARGIN + 2)):
-        yield part.replace(_TIED, " ")
-
-
-def _is_one_mass(design: Any) -> bool:
-    """Return whether a design is one mass in front of one stop, whose stop needs no name."""
-    return bool(design.coordinates == len(design.stops) == 1)
-
-
 def _model(verdict: Verdict) -> Iterator[str]:
     if not verdict.oscillator.says_all:
         yield str(verdict.oscillator)
-    yield parameters_line(verdict.model)
+    yield parameters_line(verdict)
 
 
 # The motion from rest
@@ -134,7 +125,7 @@ def _why_undecided(verdict: Verdict) -> str:
     design = verdict.oscillator
     if (lasting := lasting_stops(design)).any():
         names = listed([str(stop.name) for stop, lasts in zip(design.stops, lasting, strict=True) if lasts])
-        on = "" if _is_one_mass(design) else f" on {names}"
+        on = "" if is_one_mass(design) else f" on {names}"
         return f"impacts{on} lose no energy, so that no motion with them attracts others"
     return f"the impacts do not repeat within {verdict.watched}, nor are they surely chaotic"
 
@@ -185,96 +176,6 @@ def _clear_of(verdict: Verdict) -> str:
     )
 
 
-# Its impacts
-
-
-def _hardest(verdict: Verdict) -> Iterator[str]:
-    """Yield the hardest hits of all motions that initial conditions settle to, and the share that leads there."""
-    if (worst := verdict.worst) is None:
-        return
-    least = worst.max_velocity / (1.0 + EQUAL)
-    equal = [each for each in verdict.attractors if each.reached and each.max_velocity >= least]
-    share = sum(each.share for each in equal)
-    place = f"from {percent(share)} of the initial conditions" if share else "from rest"
-    sampled = "" if worst.repeats else " of those sampled"
-    on = _on(worst.stop, not _is_one_mass(verdict.oscillator)) if worst.stop else ""
-    undecided = f"; {percent(verdict.undecided)} are undecided" if verdict.undecided else ""
-    names = listed(list(dict.fromkeys(each.name for each in equal)))
-    yield f"{speed(worst.max_velocity)}{on}{sampled}, {place} once settled: {names}{undecided}"
-
-
-def _hits(verdict: Verdict) -> Iterator[str]:
-    motion, design = verdict.motion, verdict.oscillator
-    if not math.isfinite(verdict.max_velocity) or verdict.max_velocity == 0.0:
-        return
-    if not motion.velocities:
-        yield _sampled(verdict)
-        return
-    hits = list(zip(motion.velocities, motion.phases, strict=True))
-    if _is_one_mass(design):
-        rate = verdict.indices["impacts_per_period"]
-        often = "once per period" if rate == 1.0 else f"{rate:.4g} times per period"
-        chatter = "hardest " + _at_phase(*hits[0]) + ", followed by a complete chatter"
-        yield chatter if motion.n_impacts < 0 else f"{often}: {_cycle_impacts(hits)}"
-    else:
-        yield from _on_each_stop(verdict, hits)
-    if verdict.stops and verdict.orbit is not None:
-        yield from _impulses(verdict.orbit, not _is_one_mass(design))
-
-
-def _sampled(verdict: Verdict) -> str:
-    """Return the rate and speeds of impacts that do not repeat; the rate of those that rest depends on the sample."""
-    hardest = f"hardest {speed(verdict.max_velocity)} of those sampled"
-    if verdict.kind == "sticking":
-        return hardest
-    names = "impacts_per_period", "mean_velocity", "impact_phase_spread"
-    rate, mean, spread = (verdict.indices[name] for name in names)
-    phases = f"; phases spread {spread:.2g} (0 one phase, 1 uniform)" if math.isfinite(spread) else ""
-    return f"about {rate:.2g} times per period, {hardest}, mean about {mean:.2g} m/s{phases}"
-
-
-def _on_each_stop(verdict: Verdict, hits: Sequence[tuple[float, float]]) -> Iterator[str]:
-    chatters = verdict.motion.n_impacts < 0
-    for name in verdict.oscillator.stop_names:
-        struck = [hit for hit, stop in zip(hits, verdict.stops, strict=True) if stop == name]
-        if not struck:
-            yield f"{name}: none"
-        elif chatters:
-            yield f"{name}: hardest {_at_phase(*max(struck))}"
-        else:
-            yield f"{name}: {counted(len(struck), 'impact')} per cycle, {_cycle_impacts(struck)}"
-    if chatters:
-        yield "in its cycle it comes to rest at a stop after infinitely many impacts"
-
-
-def _cycle_impacts(hits: Sequence[tuple[float, float]]) -> str:
-    """Return impacts of a cycle one by one if they are few."""
-    if len(hits) <= IMPACTS:
-        return listed([_at_phase(*hit) for hit in hits])
-    hardest, phase = max(hits)
-    return f"{min(hits)[0]:.4g} to {speed(hardest)}, hardest at phase {phase:.3g}"
-
-
-def _at_phase(velocity: float, phase: float) -> str:
-    return f"{speed(velocity)} at phase {phase:.3g}"
-
-
-def _impulses(orbit: Any, named: bool) -> Iterator[str]:
-    """Yield the largest impulse, and how hard, long and deep the hardest contact with a compliant stop is."""
-    most = next(at for at, kick in enumerate(orbit.impulses) if kick >= (1.0 - EQUAL) * max(orbit.impulses))
-    yield f"largest impulse {report.quantity(orbit.impulses[most], 'N s', 4)}{_on(orbit.stops[most], named)}"
-    pressed = [pair for pair in zip(orbit.contacts, orbit.stops, strict=True) if pair[0].peak_force > 0.0]
-    if pressed:
-        contact, stop = max(pressed, key=lambda pair: pair[0].peak_force)
-        values = (contact.peak_force, "N"), (contact.contact_time, "s"), (contact.penetration, "m")
-        force, time, depth = (report.quantity(value, unit, 4) for value, unit in values)
-        yield f"largest force {force}{_on(stop, named)}, which pushes for {time} and is pressed in by {depth}"
-
-
-def _on(stop: str, named: bool) -> str:
-    return f" on {stop}" if named else ""
-
-
 def _energy(verdict: Verdict) -> Iterator[str]:
     lost = verdict.indices["dissipation"]
     about, digits = ("", 4) if verdict.motion.n_periods or not lost else ("about ", 2)
@@ -304,7 +205,7 @@ def _stability(verdict: Verdict) -> Iterator[str]:
             "predicted"
         )
     elif math.isinf(exponent):
-        rest = "a rest at the stop" if _is_one_mass(design) else "a rest of all coordinates at once"
+        rest = "a rest at the stop" if is_one_mass(design) else "a rest of all coordinates at once"
         yield f"{rest} erases all memory: perturbations vanish (exponent -inf)"
     elif verdict.kind == "chaotic":
         ahead = -math.log(PRECISION) / exponent / period
@@ -316,7 +217,7 @@ def _stability(verdict: Verdict) -> Iterator[str]:
     elif exponent < 0.0 and (solved or (verdict.kind == "periodic" and design.forgets)):
         half = -math.log(2.0) / exponent
         yield (
-            f"{'' if _is_one_mass(design) else _largest(orbit)}perturbations halve every {number(half, 3)} s, "
+            f"{'' if is_one_mass(design) else _largest(orbit)}perturbations halve every {number(half, 3)} s, "
             f"{number(half / period, 2)} periods (exponent {exponent:.4g} 1/s)"
         )
     elif abs(exponent) * period < NEUTRAL:
@@ -339,7 +240,7 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
     motions, design = verdict.attractors, verdict.oscillator
     sample, of = f"{SPREAD} spread initial conditions", " of the initial conditions"
     undecided = verdict.undecided
-    if named := not _is_one_mass(design):
+    if named := not is_one_mass(design):
         sample += f", impacts on {listed(list(design.stop_names))}"
     if len(motions) == 1 and not undecided:
         mixed = not design.forgets and not motions[0].repeats
@@ -352,7 +253,7 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
     for motion in motions[:MOTIONS]:
         lasting = " as far as it was watched" * (motion.name in ("chaotic", "quasi-periodic"))
         hit = f", hardest hit {speed(motion.max_velocity)}" if motion.max_velocity > 0.0 else ""
-        hit += _on(motion.stop, named) if hit and motion.stop else ""
+        hit += on_stop(motion.stop, named) if hit and motion.stop else ""
         rare = motion.share == 0.0 and not motion.from_rest
         share = "stable, but reached from none of them" if rare else f"{100.0 * motion.share:.3g} %{of}"
         this = " (this motion)" if motion.from_rest else ""
@@ -398,7 +299,7 @@ def _advice_lines(verdict: Verdict) -> Iterator[str]:
         }
         for aim, ways in aims.items():
             for i, advice in enumerate(ways):
-                yield ("or " if i else f"{aim}, ") + advice_text(verdict.model, advice)
+                yield ("or " if i else f"{aim}, ") + advice_text(verdict.model, advice, verdict.units)
         if tried := [advice.tried for advice in verdict.advice if advice.tried]:
             yield (
                 f"each holds from {min(tried)} initial conditions or more: rest, {SPREAD} spread ones and the present "
