@@ -6,6 +6,7 @@ import shlex
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 
 from fenced import ROOT, SHELL, blocks, commands, fences
@@ -14,6 +15,7 @@ from vibroimpact.cli import main
 
 EXAMPLES = ROOT / "examples"
 FIGURES = runpy.run_path(str(ROOT / "docs" / "figures.py"))
+THUMBNAILS = runpy.run_path(str(ROOT / "docs" / "thumbnails.py"))
 CLI = ROOT / "docs" / "reference" / "cli.md"
 README, HOME = ROOT / "README.md", ROOT / "docs" / "index.md"
 PAGES = [README, ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("[a-z]*/**/*.md")), HOME]
@@ -42,6 +44,10 @@ def test_an_example_finds_its_numbers_shows_a_figure_and_leaves_no_file(script, 
     runpy.run_path(str(script), run_name="__main__")
     assert list(tmp_path.iterdir()) == []
     assert_pictures_are_drawn_by(f"{script.parent.name}/{script.stem}")
+    THUMBNAILS["square"](plt.figure(plt.get_fignums()[0]), tmp_path / "thumbnail.png")
+    drawn = plt.imread(tmp_path / "thumbnail.png")
+    assert drawn.shape[:2] == (THUMBNAILS["PIXELS"], THUMBNAILS["PIXELS"])
+    assert len(np.unique(drawn[20:-20, 20:-20].reshape(-1, drawn.shape[2]), axis=0)) > 10
 
 
 @pytest.mark.long
