@@ -63,7 +63,7 @@ bench: .venv/.has-tests .venv/.has-benchmarks
 	$(BIN)/python -m benchmarks.run
 
 docs: .venv/.has-tests .venv/.has-checks
-	$(BIN)/sphinx-build -W --keep-going --quiet -b html docs docs/_build/html
+	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
 	@echo "The documentation lies at $(CURDIR)/docs/_build/html/index.html"
 
 figures: .venv/.has-tests .venv/.has-checks

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+import sys
 from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ release = version = version_of("vibroimpact")
 
 # Programs and notebooks run again where they, or the package, have changed.
 _DOCS = Path(__file__).parent
+sys.path.insert(0, str(_DOCS))
 _SOURCES = sorted((_DOCS.parent / "src").rglob("*.py"))
 _RAN = _DOCS / "_build" / "ran" / hashlib.sha256(b"".join(path.read_bytes() for path in _SOURCES)).hexdigest()[:12]
 
@@ -84,6 +86,8 @@ sphinx_gallery_conf = {
     "backreferences_dir": "gallery/used",
     "doc_module": ("vibroimpact",),
     "abort_on_example_error": True,
+    "image_scrapers": ("thumbnails.scrape",),
+    "thumbnail_size": (320, 320),
     "capture_repr": (),
     "run_stale_examples": not _RAN.exists(),
     "download_all_examples": False,

@@ -1,11 +1,15 @@
 """Draw the pictures of README and documentation again, with the present engine: `make figures`.
 
-What each of the gallery's shows, in `images/structure.json`, is compared by tests with what its script draws.
+What each of the gallery's and of the home page shows, in `images/structure.json`, is compared by tests with what its
+program draws.
 """
 
 import json
+import re
 import runpy
+from contextlib import chdir
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import matplotlib as mpl
@@ -19,8 +23,9 @@ import vibroimpact as vi
 DOCS = Path(__file__).parent
 IMAGES = DOCS / "images"
 
-# Most are those of the gallery: a script, and the pictures that it leaves, in order.
+# Most are those of the gallery: a script, or a page whose program it is, and the pictures that it leaves, in order.
 PICTURES = {
+    "index.md": ["hardest-hit"],
     "applications/tube_in_support": ["tube-in-support"],
     "applications/tube_in_two_supports": ["tube-in-two-supports"],
     "applications/two_designs": ["verdict"],
@@ -58,10 +63,20 @@ def structure(figure: Any) -> list[dict[str, Any]]:
     ]
 
 
+def run(script: str) -> None:
+    """Run a script of the gallery, or the program that a page shows, whose files are not kept."""
+    if script.endswith(".md"):
+        program = re.search(r"^```python\n(.*?)^```$", (DOCS / script).read_text("utf-8"), re.MULTILINE | re.DOTALL)
+        with TemporaryDirectory() as folder, chdir(folder):
+            exec(compile(program[1], script, "exec"), {})  # type: ignore[index]
+    else:
+        runpy.run_path(str(DOCS.parent / "examples" / f"{script}.py"), run_name="__main__")
+
+
 def draw(script: str, names: list[str]) -> dict[str, Any]:
-    """Run a script of the gallery, keep the first figures that it leaves, and return what they show."""
+    """Run a script, keep the first figures that it leaves, and return what they show."""
     plt.close("all")
-    runpy.run_path(str(DOCS.parent / "examples" / f"{script}.py"), run_name="__main__")
+    run(script)
     shown = {}
     for number, name in zip(plt.get_fignums(), names, strict=False):
         figure = plt.figure(number)

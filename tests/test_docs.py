@@ -153,6 +153,10 @@ def test_the_page_on_gpus_states_what_was_measured():
     for row, way in zip(rows, ("every_impact", "early_closing"), strict=True):
         rates = [f"{run[way][f'impacts_{kind}_per_s']:.2e}".replace("+0", "") for kind in ("answered", "computed")]
         assert row[1:] == [f"{run[way]['median_s']:.3f} s", *rates]
+    notes = (DOCS / "about" / "benchmarks.md").read_text()
+    for count in ("429", "98,907", "1,305", "2,282"):
+        assert count in page
+        assert count in notes
 
 
 def test_the_command_line_page_lists_every_command():

@@ -6,6 +6,7 @@ import shlex
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 
 from fenced import ROOT, SHELL, blocks, commands, fences
@@ -14,13 +15,10 @@ from vibroimpact.cli import main
 
 EXAMPLES = ROOT / "examples"
 FIGURES = runpy.run_path(str(ROOT / "docs" / "figures.py"))
+THUMBNAILS = runpy.run_path(str(ROOT / "docs" / "thumbnails.py"))
 CLI = ROOT / "docs" / "reference" / "cli.md"
-PAGES = [
-    ROOT / "README.md",
-    ROOT / "CONTRIBUTING.md",
-    *sorted((ROOT / "docs").glob("[a-z]*/**/*.md")),
-    ROOT / "docs" / "index.md",
-]
+README, HOME = ROOT / "README.md", ROOT / "docs" / "index.md"
+PAGES = [README, ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("[a-z]*/**/*.md")), HOME]
 
 
 @pytest.fixture(autouse=True)
@@ -32,17 +30,31 @@ def in_an_empty_folder(tmp_path, monkeypatch):
     plt.close("all")
 
 
+def assert_pictures_are_drawn_by(program):
+    assert plt.get_fignums()
+    shown = json.loads(FIGURES["STRUCTURE"].read_text(encoding="utf-8"))
+    for number, name in zip(plt.get_fignums(), FIGURES["PICTURES"].get(program, []), strict=False):
+        assert FIGURES["structure"](plt.figure(number)) == shown[name], f"{name} shows other things: `make figures`"
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("script", sorted(EXAMPLES.glob("*/*.py")), ids=lambda script: script.stem)
 def test_an_example_finds_its_numbers_shows_a_figure_and_leaves_no_file(script, tmp_path):
     assert "assert " in script.read_text()
     runpy.run_path(str(script), run_name="__main__")
-    assert plt.get_fignums()
     assert list(tmp_path.iterdir()) == []
-    shown = json.loads(FIGURES["STRUCTURE"].read_text(encoding="utf-8"))
-    names = FIGURES["PICTURES"].get(f"{script.parent.name}/{script.stem}", [])
-    for number, name in zip(plt.get_fignums(), names, strict=False):
-        assert FIGURES["structure"](plt.figure(number)) == shown[name], f"{name} shows other things: `make figures`"
+    assert_pictures_are_drawn_by(f"{script.parent.name}/{script.stem}")
+    THUMBNAILS["square"](plt.figure(plt.get_fignums()[0]), tmp_path / "thumbnail.png")
+    drawn = plt.imread(tmp_path / "thumbnail.png")
+    assert drawn.shape[:2] == (THUMBNAILS["PIXELS"], THUMBNAILS["PIXELS"])
+    assert len(np.unique(drawn[20:-20, 20:-20].reshape(-1, drawn.shape[2]), axis=0)) > 10
+
+
+@pytest.mark.long
+def test_the_program_of_the_home_page_draws_the_picture_above_it(tmp_path, capsys):
+    FIGURES["run"]("index.md")
+    assert "hardest" in capsys.readouterr().out
+    assert_pictures_are_drawn_by("index.md")
 
 
 def test_first_orbit_names_the_motion(capsys):
@@ -51,7 +63,7 @@ def test_first_orbit_names_the_motion(capsys):
 
 
 def test_the_python_blocks_of_the_readme_run():
-    python = blocks(ROOT / "README.md", "python")
+    python = blocks(README, "python")
     assert len(python) == 2
     for block in python:
         exec(compile(block, "README.md", "exec"), {})
@@ -111,7 +123,7 @@ def test_whatever_a_page_prints_by_hand_is_run_or_named_with_the_reason():
         ours = {line for line, *_ in programs(page)}
         left += [line for line, _ in commands(page) if line not in ours and not unrun(line)]
         for language, body in fences(page):
-            runs = language in ("{code-cell}", "toml") or ">>> " in body or page.name == "README.md"
+            runs = language in ("{code-cell}", "toml") or ">>> " in body or page in (README, HOME)
             if language not in SHELL and not (runs or unrun(body) or "def shaker" in body):
                 left.append(body)
     assert left == []

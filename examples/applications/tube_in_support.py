@@ -30,6 +30,10 @@ SPEEDS = np.linspace(10.0, 40.0, 121)  # Hz
 CLEARANCES = np.linspace(-0.3e-3, 1.5e-3, 91)  # m; negative: pressed against the bar
 
 
+# %%
+# The tube, as one mass on a spring in front of its support.
+
+
 def tube() -> vi.ImpactOscillator:
     """Return the tube as the seven numbers, in SI units."""
     stiffness = MASS * (2 * np.pi * NATURAL_FREQUENCY) ** 2
@@ -42,6 +46,10 @@ def tube() -> vi.ImpactOscillator:
         restitution=RESTITUTION,
         gap=CLEARANCE,
     )
+
+
+# %%
+# A map over pump speed and clearance, and sweeps with the speed rising and falling.
 
 
 def hardest_hits(osc: vi.ImpactOscillator) -> xr.Dataset:
@@ -67,6 +75,10 @@ def pass_through(osc: vi.ImpactOscillator, direction: str) -> xr.DataArray:
         frequency=frequencies,
     )
     return diagram["velocity"]
+
+
+# %%
+# The results in words: speeds with hard hits, and the two motions at the duty speed.
 
 
 def stretches(values: np.ndarray, chosen: np.ndarray, scale: float, digits: int) -> str:
@@ -139,6 +151,10 @@ def verdict(
         f"Best: press the tube against the bar by {-lightest * 1e3:.2f} mm ({-lightest * osc.stiffness:.1f} N). "
         "Even after the knock it comes to rest there and never lifts off again, at any speed.",
     ]
+
+
+# %%
+# The figure, then the whole program.
 
 
 def draw(

@@ -30,6 +30,10 @@ PLACES = {"pump": 0.5, "first": 0.35, "second": 0.7}  # of the length
 MODES = np.arange(1, 4)
 
 
+# %%
+# The tube as a family: its clearance and the pump speed are parameters.
+
+
 @vi.family(units={"clearance": "m", "frequency": "Hz"})
 def tube(clearance: float = 0.5e-3, frequency: float = 20.0) -> vi.ImpactSystem:
     """Return the tube with its clearance above and below in both supports."""
@@ -54,6 +58,10 @@ def tube(clearance: float = 0.5e-3, frequency: float = 20.0) -> vi.ImpactSystem:
         force=vi.Force(frequency=frequency, harmonics={1: {"pump": FORCE}}),
         stops=stops,
     )
+
+
+# %%
+# A map over both, and what is drawn of it.
 
 
 def hardest_hits(points: int) -> xr.Dataset:
@@ -87,6 +95,10 @@ def draw(hits: xr.Dataset) -> plt.Figure:
     ):
         ax.set_title(title)
     return figure
+
+
+# %%
+# How often each stop is struck, and how hard.
 
 
 def main() -> None:

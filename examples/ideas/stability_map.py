@@ -19,5 +19,8 @@ sweep = vi.parameter_map(
     sample_impacts=2000,
 )
 assert sweep["std"].size == 86_400
+# %%
+# The dashed line is the mass of ``osc``, 1 kg.
+
 vi.plotting.index_contour(sweep, "std", reference={"mass": 1.0})
 plt.show()
