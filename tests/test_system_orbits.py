@@ -634,7 +634,11 @@ def free_pair(constant=None, harmonic=0.0):
         (one_mass(vi.ImpactOscillator(damping=0.0, restitution=1.0, omega=2.0, amplitude=0.0)), 1, "without loss"),
         (one_mass(vi.ImpactOscillator(damping=0.0, restitution=1.0)), 1, "grow without bound"),
         (one_mass(vi.ImpactOscillator(gap=5.0)), 1, "no velocity > 0 returns to itself after 1 driving period"),
-        (free_pair(), 1, "free mass or rigid-body motion, which the stop does not feel, can be anywhere"),
+        (
+            free_pair(),
+            1,
+            "free mass or rigid-body motion, which does not change the clearance of the stop, can be anywhere",
+        ),
         (free_pair(constant=[0.0, 1.0]), 1, "driven away by the load"),
         (two_sided(force=vi.Force(omega=2.0)), 1, "unforced"),
     ],
