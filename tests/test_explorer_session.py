@@ -220,7 +220,7 @@ def test_boundaries_have_the_colours_that_they_have_in_figures():
 
 def test_a_boundary_says_which_motion_ends_there():
     view = View(osc=vi.ImpactOscillator(damping=0.1), x="gap", x_range=(0.5, 3.0), y="amplitude", y_range=(0.5, 3.0))
-    assert "grazing, the steady swing without impacts" in find_curves(view, lambda: True).descriptions
+    assert "grazing, the steady motion without impacts" in find_curves(view, lambda: True).descriptions
 
 
 @pytest.fixture
@@ -430,7 +430,7 @@ def test_what_other_initial_conditions_lead_to_is_told_with_their_number():
     several = ("period-1 impact-1", 0.88, 0.105), ("no impact", 0.1, float("nan")), ("period-3 impact-1", 0.0, 0.002)
     assert told(TUBE, *several) == (
         "From 256 other initial conditions: 88 % period-1 impact-1 (up to 0.105 m/s), 10 % no impact, "
-        "none period-3 impact-1 (up to 2 mm/s), 2 % not decided."
+        "none period-3 impact-1 (up to 2 mm/s), 2 % undecided."
     )
 
 

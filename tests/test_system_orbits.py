@@ -418,7 +418,9 @@ def test_an_impact_without_rebound_loses_one_dimension():
         assert orbit_distance(orbits, found) < 1e-13
         assert found.determinant == 0.0
         assert abs(found.multipliers[1]) < 1e-14
-        assert (found.message == "after impact 1 it comes to rest at 'stop_1'") == rests == (not orbits.admissible)
+        assert (
+            (found.message == "after impact 1 the system comes to rest at 'stop_1'") == rests == (not orbits.admissible)
+        )
 
 
 def test_a_beam_of_twelve_modes_keeps_its_digits():
