@@ -187,7 +187,7 @@ def test_a_plane_that_takes_too_long_is_left_and_told_of_once_and_goes_on_when_a
         assert explorer.wait(300)
     messages = received(heard, "message")
     assert len(messages) == 1
-    assert "takes more than 0 s: go on with it, zoom in" in messages[0]
+    assert "takes more than 0 s: continue it, zoom in" in messages[0]
     assert explorer.plane is None
     assert received(heard, "late") == [False, True]
     explorer.go_on()
