@@ -451,7 +451,7 @@ def test_the_history_shows_both_sides_of_every_impact_and_never_passes_the_stop(
         (vi.ImpactOscillator(omega=2.8), ("Chaotic over 1100 impacts", "perturbations double")),
         (
             vi.ImpactOscillator(gap=9.0, omega=3.0, damping=0.1),
-            ("From rest: no impact", "swing of 0.125 m", "gap of 9 m"),
+            ("From rest: no impact", "steady amplitude of 0.125 m", "gap of 9 m"),
         ),
         (vi.ImpactOscillator(gap=-2.0), ("permanently in contact", "stop")),
         (vi.ImpactOscillator(amplitude=1e-6), ("largest impact velocity", "µm/s")),

@@ -180,7 +180,7 @@ class OfOneMass(Backend):
     def check_takes(self, cells: Cells) -> None:
         """Raise `ValueError` for other models."""
         if isinstance(cells, SystemCells) and not is_one_mass(cells).all():
-            raise ValueError(f"`backend` {self.name!r} supports only {ONE_MASS}; omit it")
+            raise ValueError(f"`backend` {self.name!r} takes only {ONE_MASS}; omit it")
 
     def _indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         raise NotImplementedError

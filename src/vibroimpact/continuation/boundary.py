@@ -151,7 +151,7 @@ def check_plane(point: Any, parameters: Any, ranges: Any) -> Plane:
     if not isinstance(point, (BifurcationPoint, StickingEnd)):
         raise invalid("point", point, "a BifurcationPoint", "take one from the `special` of a branch")
     if point.orbit.sticks and not point.orbit.oscillator.forgets:
-        hint = "find it again, value by value, with continue_orbit or end_of_sticking"
+        hint = "find it at each value with continue_orbit or end_of_sticking"
         raise invalid("point", point.kind, "a bifurcation of an orbit that never rests, or of one mass", hint)
     return check_box(point.orbit.model, parameters, ranges, point.orbit)
 

@@ -95,7 +95,7 @@ class Coverage:
         names = listed([motion_name(*name) for name in self.followed]) or "no motion"
         piece = " (of sticking, in one piece)" if any(name[0] == MotionClass.STICKING for name in self.followed) else ""
         map_text = f"a map of {CELLS} x {CELLS} cells, from rest"
-        sentences = [f"followed {names}: what covers more than {100 * LEAST:g} %{piece} of {map_text}"]
+        sentences = [f"followed {names}: motions that cover more than {100 * LEAST:g} %{piece} of {map_text}"]
         unseen = "islands smaller than a cell are missed"
         if not self.edges:
             return [*sentences, f"that map has no class boundary, {unseen}"]

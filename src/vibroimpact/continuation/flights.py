@@ -129,7 +129,7 @@ class Flights(Equations):
         return self.cycle.scales(self.oscillator, self.speed)
 
     def conditions(self, x: Floats) -> list[float]:
-        """Return the conditions that vanish on the boundary alone."""
+        """Return the conditions of the boundary, which vanish on it."""
         parameters, z = self.parameters(x), self.solution(x)
         ahead = (self.touch(x) - self.cycle.span(z, self.impact)[0]) * TURN / parameters[4]
         return self._condition(parameters, z, ahead, self.scales[0][0], self.speed)
@@ -154,7 +154,7 @@ class Flights(Equations):
         return self.cycle.jacobian(self.parameters(x), self.solution(x)) * columns / rows[:, None]
 
     def sizes(self, x: Floats) -> Floats:
-        """Return by how much each unknown must change to change the flights by something of order one."""
+        """Return the change of each unknown that changes the flights by order one."""
         m, _, k, f, w, _, g = self.parameters(x)
         p, natural = self.cycle.n_impacts, math.sqrt(k / m)
         slow = min(1.0, w / (self.cycle.n_periods * natural))  # phase errors add up over a cycle
@@ -207,7 +207,7 @@ class Flights(Equations):
         return {DOUBLING: 1.0 + cycle.trace(parameters, self.solution(x)) + cycle.determinant(parameters)}
 
     def residual(self, x: Floats) -> float:
-        """Return by how much the orbit misses its flights and its own condition, relative to its size."""
+        """Return the residual of the flights and of the condition, relative to the orbit's size."""
         osc, z, p = self.oscillator_at(x), self.solution(x), self.cycle.n_impacts
         parameters, size, speed = parameters_of(osc), orbit_size(osc, z), fastest_of(osc, z[p:])
         flights = self.cycle.misses(parameters, z) / np.repeat([size, speed], p)

@@ -81,12 +81,12 @@ class Modes(Equations):
 
     @property
     def length(self) -> float:
-        """Driving periods of the cycle, or of half of one that is mirrored."""
+        """Driving periods of the cycle, or of the half of a mirrored cycle."""
         return self.cycle.length / TURN
 
     @property
     def kind(self) -> str:
-        """Which bifurcation the condition is."""
+        """The kind of bifurcation of the condition."""
         return "pitchfork" if self.condition == DOUBLING and self.cycle.images else super().kind
 
     def scaled(self, z: Floats) -> Floats:
@@ -134,7 +134,7 @@ class Modes(Equations):
         return self._extended(x, self._misses)
 
     def conditions(self, x: Floats) -> list[float]:
-        """Return the conditions that vanish on the boundary alone."""
+        """Return the conditions of the boundary, which vanish on it."""
         return [] if self.condition == BRANCH else self._extended(x, self._conditions).tolist()
 
     def _extended(self, x: Floats, function: Callable[[Floats], Floats]) -> Floats:
@@ -200,12 +200,12 @@ class Modes(Equations):
         return np.insert(x, at + 1, x[at]) if self.soft and self.condition == LAST_IMPACT else x
 
     def compliant_at(self, impact: int) -> bool:
-        """Whether an impact is a contact of a compliant stop, which ends before anything else happens."""
+        """Whether an impact is a contact with a compliant stop that ends before any other event."""
         return self.cycle.events[impact + 1 : impact + 2] == (Event(self.cycle.events[impact].stop, LET_GO),)
 
     @property
     def soft(self) -> bool:
-        """Whether the condition is a graze of a compliant stop, beyond which the branch goes on."""
+        """Whether the condition is a graze of a compliant stop, beyond which the branch continues."""
         compliant = self.cycle.flow.compliant
         if self.condition == TOUCH:
             return bool(compliant[self.stop])
@@ -230,7 +230,7 @@ class Modes(Equations):
         return equations, solution, equations.tangent(solution, sign * np.eye(len(solution))[-1])
 
     def sizes(self, x: Floats) -> Floats:
-        """Return by how much each unknown must change to change the flights by something of order one."""
+        """Return the change of each unknown that changes the flights by order one."""
         p, cycle = self.impacts, self.solved(x)[0]
         slowest = float(np.abs(self.speeds(x)).min())
         turns, states = 1.0 / cycle.fastest, np.full(len(self.basis), min(1.0, max(slowest, LEAST)))

@@ -137,7 +137,7 @@ class Sticking:
             return into
         other = self.stick(path(out))
         self.why = (
-            f"the mass comes to rest {self.n_periods - other.periods} periods earlier beyond it"
+            f"beyond it the mass comes to rest earlier, in a cycle of n = {other.periods}"
             if other and other.periods < self.n_periods
             else "its stuck time does not go to zero"
         )

@@ -50,7 +50,7 @@ class Tabs:
     view : View
         The view of a tab whose address has no query.
     stored, find : callable
-        As for `Explorer`.
+        As in `Explorer`.
     """
 
     def __init__(self, view: View, stored: Stored | None, find: Find) -> None:
