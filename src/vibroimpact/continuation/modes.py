@@ -9,8 +9,8 @@ multipliers mu,
     fold: 1 - mu,   period doubling: 1 + mu,   Neimark-Sacker: 1 - mu_i mu_j of a complex pair,
     grazing: the velocity of one impact, or clearance and rate at the touch.
 
-The first three are evaluated for the multipliers closest to zero of the condition, with the sign of the product over
-all.
+The first three are evaluated for the multipliers that come closest to satisfying them, with the sign of the product
+over all.
 
 An orbit that is its own mirror image half a cycle later has a half map, the flow of half a cycle and then the mirror.
 Its multipliers h make those of the cycle, mu = h^2: at h = 1 symmetric orbits fold. At h = -1 the half map doubles its

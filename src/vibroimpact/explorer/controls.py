@@ -19,7 +19,7 @@ from vibroimpact.indices import INDICES
 MOST_OTHERS = 12  # coexisting motions offered as initial conditions
 TICKS = ("hertz", "log", "worst", "boundaries", "settled")  # choices between on and off
 MENUS = ("index", "samples", "line", "coordinate", "stop")  # choices among several values
-NUDGE = 1.0 / 64.0  # of the plane, per press of an arrow key
+NUDGE = 1.0 / 64.0  # share of the plane per press of an arrow key
 ZOOM = 0.5
 DECADES = 100.0  # ratio of the ends from which a slider is logarithmic
 EXPORTS = (

@@ -52,7 +52,7 @@ Floats = NDArray[np.float64]
 Parameters = Sequence[float]  # m, c, k, f, w, r, g
 
 TURN = 2.0 * math.pi
-NEAR = 0.5  # of rate times duration: differences of closer nodes are expanded in a series
+NEAR = 0.5  # of rate times duration: if nodes are closer, the divided difference is expanded in a series
 STRIDE = 0.15  # radians of the fastest rate between two samples of a flight
 FEWEST_SAMPLES, MOST_SAMPLES = 16, 1 << 15  # number of samples of one flight, at most
 # Largest difference between equal orbits, and between repetitions of a cycle: relative to the fastest impact, to the
