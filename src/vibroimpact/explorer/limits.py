@@ -103,7 +103,7 @@ def checked_start(start: State, system: Any) -> State:
             "in the first period"
         )
     if not system.velocity_scale:
-        raise ValueError("`start` must come with a force or a gap: without both, every motion dies out")
+        raise ValueError("`start` must come with a force or a gap: without a force and a gap every motion dies out")
     return start
 
 
