@@ -77,10 +77,12 @@ def test_what_cannot_be_a_film_is_refused(motion, tmp_path):
         animate(motion, tmp_path / "motion.gif")
 
 
-def test_without_ffmpeg_the_way_out_is_told(motion, tmp_path, monkeypatch):
+def test_without_ffmpeg_the_message_says_how_to_install_it(motion, tmp_path, monkeypatch):
     monkeypatch.setattr("shutil.which", lambda name: None)
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
-    with pytest.raises(ValueError, match=r"needs ffmpeg; install that, or imageio-ffmpeg by pip, or write a \.gif"):
+    with pytest.raises(
+        ValueError, match=r"needs ffmpeg; install ffmpeg, or `pip install imageio-ffmpeg`, or write a \.gif"
+    ):
         animate(motion, tmp_path / "motion.mp4")
 
 

@@ -77,7 +77,7 @@ def test_a_back_end_of_one_mass_refuses_another_system():
     for backend in ("reference", "fixed-step"):
         with pytest.raises(ValueError, match=f"'{backend}' takes only one mass in front of one fixed rigid stop"):
             vi.parameter_map(two, omega=[1.0], backend=backend)
-        with pytest.raises(ValueError, match="does not give the index 'mean_force'"):
+        with pytest.raises(ValueError, match="does not compute the index 'mean_force'"):
             vi.parameter_map(
                 vi.ImpactSystem(
                     mass=1.0,
@@ -205,12 +205,12 @@ def test_an_unknown_back_end_is_told():
 
 
 def test_an_index_that_a_back_end_cannot_tell_is_refused():
-    with pytest.raises(ValueError, match="'fixed-step' does not give the index 'lyapunov', only std"):
+    with pytest.raises(ValueError, match="'fixed-step' does not compute the index 'lyapunov', only std"):
         vi.parameter_map(OSC, omega=[2.0], indices=["lyapunov"], backend="fixed-step")
 
 
 def test_a_time_step_is_for_the_fixed_step_scheme_alone():
-    with pytest.raises(ValueError, match="`time_step` goes with back end 'fixed-step' only"):
+    with pytest.raises(ValueError, match="`time_step` applies only to back end 'fixed-step'"):
         vi.simulate(OSC, backend="cpu", time_step=0.001)
 
 

@@ -114,7 +114,7 @@ def test_what_was_followed_and_reached_is_said(plane):
     assert 0.0 < curves.share <= 1.0
     assert "48 x 48 cells, from rest" in curves.message
     assert f"{100 * curves.share:.0f} % of that map's" in curves.message
-    assert "islands smaller than a cell are not seen" in curves.message
+    assert "islands smaller than a cell are missed" in curves.message
     assert curves.motions["motion"].shape == (48, 48)
     joined = bundle([curve.dataset for curve in curves], "boundary_curves", {"message": curves.message})
     assert sentences_of(joined)[-1] == curves.message.split("; ")[-1]

@@ -64,7 +64,7 @@ def child(*arguments: str, **options):
         ("section --start fast", "`displacement` must be .*, got 'fast'"),
         ("section --transient-impacts 1.5", "`transient_impacts` must be .*, got 1.5"),
         ("section --kind poincare", "unknown `section` 'poincare'; choose from impact, stroboscopic"),
-        ("section --time-step 0.001", "`time_step` goes with back end 'fixed-step' only"),
+        ("section --time-step 0.001", "`time_step` applies only to back end 'fixed-step'"),
         ("section --chatter 1", "`chatter` must be above 0 and up to 0.01, got 1"),
         ("section none.toml", "`study` 'none.toml' cannot be read"),
         ("section --colour red", "No such option"),

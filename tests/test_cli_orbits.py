@@ -145,8 +145,8 @@ def test_a_kind_that_is_not_there_is_no_curve(run):
     assert (code, lines) == (
         0,
         [
-            "no such boundary found in the plane of omega and restitution: fold and grazing only; looked for period-1 "
-            "impact-1 on lines across the plane only; other motions end elsewhere"
+            "no such boundary found in the plane of omega and restitution: fold and grazing only; searched for "
+            "period-1 impact-1 on lines across the plane only; other motions end elsewhere"
         ],
     )
 

@@ -259,7 +259,7 @@ def test_what_is_no_orbit_is_refused():
     with pytest.raises(ValueError, match="`step` must be .*, got 2"):
         vi.continue_orbit(first(), "omega", (1, 3), step=2)
     wrong = vi.Orbit(vi.ImpactOscillator(), 1, 1, (3.0,), (0.1,), (0j, 0j))
-    with pytest.raises(ValueError, match="does not return to itself"):
+    with pytest.raises(ValueError, match="`orbit` is not periodic"):
         vi.continue_orbit(wrong, "omega", (1, 3))
     with pytest.raises(ValueError, match="`point` must be .*, got 'fold'"):
         vi.switch_branch(

@@ -75,7 +75,7 @@ def test_a_link_runs_no_file(tmp_path):
 
 def test_the_stop_and_the_coordinate_are_among_those_there_are():
     for part in ({"stop": 5}, {"coordinate": 4}):
-        with pytest.raises(ValueError, match="as many as there are"):
+        with pytest.raises(ValueError, match="the number available"):
             replace(of("tube_in_supports"), **part)
     with pytest.raises(ValueError, match="at most 1"):
         View(stop=2)

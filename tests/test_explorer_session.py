@@ -220,7 +220,7 @@ def test_boundaries_have_the_colours_that_they_have_in_figures():
 
 def test_a_boundary_says_which_motion_ends_there():
     view = View(osc=vi.ImpactOscillator(damping=0.1), x="gap", x_range=(0.5, 3.0), y="amplitude", y_range=(0.5, 3.0))
-    assert "grazing, the steady swing without impacts" in find_curves(view, lambda: True).descriptions
+    assert "grazing, the steady motion without impacts" in find_curves(view, lambda: True).descriptions
 
 
 @pytest.fixture
@@ -430,7 +430,7 @@ def test_what_other_initial_conditions_lead_to_is_told_with_their_number():
     several = ("period-1 impact-1", 0.88, 0.105), ("no impact", 0.1, float("nan")), ("period-3 impact-1", 0.0, 0.002)
     assert told(TUBE, *several) == (
         "From 256 other initial conditions: 88 % period-1 impact-1 (up to 0.105 m/s), 10 % no impact, "
-        "none period-3 impact-1 (up to 2 mm/s), 2 % not decided."
+        "none period-3 impact-1 (up to 2 mm/s), 2 % undecided."
     )
 
 
@@ -451,7 +451,7 @@ def test_the_history_shows_both_sides_of_every_impact_and_never_passes_the_stop(
         (vi.ImpactOscillator(omega=2.8), ("Chaotic over 1100 impacts", "perturbations double")),
         (
             vi.ImpactOscillator(gap=9.0, omega=3.0, damping=0.1),
-            ("From rest: no impact", "swing of 0.125 m", "gap of 9 m"),
+            ("From rest: no impact", "steady amplitude of 0.125 m", "gap of 9 m"),
         ),
         (vi.ImpactOscillator(gap=-2.0), ("permanently in contact", "stop")),
         (vi.ImpactOscillator(amplitude=1e-6), ("largest impact velocity", "µm/s")),

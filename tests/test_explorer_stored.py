@@ -225,7 +225,9 @@ def test_a_sweep_of_a_family_of_ones_own_needs_the_family(tmp_path):
 
     path, model = tmp_path / "own.nc", vi.family(shaker)
     vi.save(vi.parameter_map(model, sample_impacts=30, gap=[0.1, 0.2], omega=[2.0, 2.5]), path)
-    with pytest.raises(ValueError, match=r"made from a family 'shaker'; say where that is, with --model FILE\.py:NAME"):
+    with pytest.raises(
+        ValueError, match=r"computed from the family 'shaker'; give its file with --model FILE\.py:NAME"
+    ):
         open_study(path)
     view, look, _ = open_study(path, model, "tube.py:shaker")
     assert (view.model, view.x, view.y) == ("tube.py:shaker", "gap", "omega")

@@ -187,7 +187,7 @@ def test_a_plane_that_takes_too_long_is_left_and_told_of_once_and_goes_on_when_a
         assert explorer.wait(300)
     messages = received(heard, "message")
     assert len(messages) == 1
-    assert "takes more than 0 s: go on with it, zoom in" in messages[0]
+    assert "takes more than 0 s: continue it, zoom in" in messages[0]
     assert explorer.plane is None
     assert received(heard, "late") == [False, True]
     explorer.go_on()
@@ -234,7 +234,7 @@ def test_a_plane_that_cannot_be_computed_is_told_of_once(explorer, heard, monkey
     explorer.zoom((1.9, 2.1), (0.9, 1.0))
     assert explorer.wait(300)
     assert [message for message in received(heard, "message") if "plane" in message] == [
-        "The plane could not be computed; change the view, and please report how to reproduce this."
+        "The plane could not be computed. Change the view, and please report how to reproduce this error."
     ]
 
 

@@ -327,7 +327,7 @@ def test_a_stuck_time_that_jumps_is_never_passed_off_as_the_end_of_sticking():
     point = vi.end_of_sticking(vi.ImpactOscillator(), "omega", (2.8644, 2.8645))
     assert point.outcome == "unresolved"
     assert point.stuck_fraction > 1e-3
-    assert "magnifies rounding" in point.message
+    assert "amplifies rounding errors" in point.message
 
 
 @pytest.fixture(scope="module")

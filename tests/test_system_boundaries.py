@@ -149,6 +149,6 @@ def test_what_was_looked_for_is_said():
     found = Boundaries()
     curves._describe(found, None, [1], ["fold", "pitchfork"], kinds_of(ball), finished=True)
     assert found.message == (
-        "fold and pitchfork only; looked for period-1 impact-1, and symmetric orbits with an impact in each half, on "
+        "fold and pitchfork only; searched for period-1 impact-1, and symmetric orbits with an impact in each half, on "
         "lines across the plane only; other motions end elsewhere"
     )

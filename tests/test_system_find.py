@@ -115,7 +115,7 @@ def test_an_orbit_that_is_reached_after_a_long_transient_is_found():
     [
         ({"n_impacts": 2, "near": (0.1, 2.0)}, "an orbit or an attractor of a system"),
         ({"n_impacts": 0}, "n_impacts"),
-        ({"n_impacts": 2, "stops": ["above", "below"]}, "left out where `stops` or `symmetric` is given"),
+        ({"n_impacts": 2, "stops": ["above", "below"]}, "omitted if `stops` or `symmetric` is given"),
         ({"n_impacts": 2, "near": vi.State((0.1, 0.2), (0.0, 0.0))}, "coordinate"),
     ],
 )

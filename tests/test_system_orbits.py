@@ -418,7 +418,9 @@ def test_an_impact_without_rebound_loses_one_dimension():
         assert orbit_distance(orbits, found) < 1e-13
         assert found.determinant == 0.0
         assert abs(found.multipliers[1]) < 1e-14
-        assert (found.message == "after impact 1 it comes to rest at 'stop_1'") == rests == (not orbits.admissible)
+        assert (
+            (found.message == "after impact 1 the system comes to rest at 'stop_1'") == rests == (not orbits.admissible)
+        )
 
 
 def test_a_beam_of_twelve_modes_keeps_its_digits():
@@ -634,7 +636,11 @@ def free_pair(constant=None, harmonic=0.0):
         (one_mass(vi.ImpactOscillator(damping=0.0, restitution=1.0, omega=2.0, amplitude=0.0)), 1, "without loss"),
         (one_mass(vi.ImpactOscillator(damping=0.0, restitution=1.0)), 1, "grow without bound"),
         (one_mass(vi.ImpactOscillator(gap=5.0)), 1, "no velocity > 0 returns to itself after 1 driving period"),
-        (free_pair(), 1, "free mass or rigid-body motion, which the stop does not feel, can be anywhere"),
+        (
+            free_pair(),
+            1,
+            "free mass or rigid-body motion, which does not change the clearance of the stop, can be anywhere",
+        ),
         (free_pair(constant=[0.0, 1.0]), 1, "driven away by the load"),
         (two_sided(force=vi.Force(omega=2.0)), 1, "unforced"),
     ],

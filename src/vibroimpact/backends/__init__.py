@@ -1,4 +1,4 @@
-"""Back ends by name, imported when first asked for."""
+"""Back ends by name, imported on first use."""
 
 from __future__ import annotations
 
@@ -39,20 +39,20 @@ BACKENDS = {
 
 
 def check_backend(argument: str, name: Any) -> str:
-    """Return the name of a back end, or say which there are."""
+    """Return the name of a back end; raise `ValueError`, listing the names, if it is unknown."""
     if isinstance(name, str) and re.search(r"gpu|nvidia|cuda.", name.lower()):
         raise unknown(f"`{argument}`", name, BACKENDS, meant="cuda")
     return choice(argument, name, BACKENDS)
 
 
 def get_backend(name: str, *, time_step: float | None = None, elsewhere: bool = False) -> Backend:
-    """Return the back end of that name; `time_step` in s goes with "fixed-step" only (default 0.0005).
+    """Return the back end of that name; `time_step` in s is used only by "fixed-step" (default 0.0005).
 
-    One that is to compute `elsewhere`, on the workers of a cluster, need not find here what it needs.
+    With `elsewhere`, for the workers of a cluster, the requirements of the back end are not checked on this machine.
     """
     check_backend("backend", name)
     if time_step is not None and name != "fixed-step":
-        raise ValueError(f"`time_step` goes with back end 'fixed-step' only; leave it out for {name!r}")
+        raise ValueError(f"`time_step` applies only to back end 'fixed-step'; omit it for {name!r}")
     options = {} if time_step is None else {"time_step": time_step}
     backend: Backend = import_module(BACKENDS[name]).create(**options)
     if not elsewhere:
@@ -61,13 +61,13 @@ def get_backend(name: str, *, time_step: float | None = None, elsewhere: bool = 
 
 
 def check_takes(backend: Backend, model: Model) -> None:
-    """Refuse a model that a back end does not take."""
+    """Raise `ValueError` if a back end does not support a model."""
     if isinstance(backend, OfOneMass):
         backend.check_takes(model.cells({}))
 
 
 def check_known(indices: Iterable[str], backend: Backend, model: Model) -> None:
-    """Refuse indices that a back end does not give of a model."""
+    """Raise `ValueError` if a back end does not compute an index of a model."""
     for name in indices:
         if name in FORCES and isinstance(model, ImpactOscillator):
             raise ValueError(f"`{name}` is an index of systems; write the oscillator as an ImpactSystem")
@@ -75,4 +75,4 @@ def check_known(indices: Iterable[str], backend: Backend, model: Model) -> None:
             raise ValueError("`max_force` needs a compliant stop; the force of a rigid one has no largest value")
         if name not in backend.known_indices and (name not in FORCES or isinstance(backend, OfOneMass)):
             names = ", ".join(index for index in INDICES if index in backend.known_indices)
-            raise ValueError(f"`backend` {backend.name!r} does not give the index {name!r}, only {names}")
+            raise ValueError(f"`backend` {backend.name!r} does not compute the index {name!r}, only {names}")

@@ -1,4 +1,4 @@
-"""What every back end promises: cells in, indices or samples out; and indices of impacts that are all kept."""
+"""The protocol of back ends: cells in, indices or samples out."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Counts = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class ImpactWindow:
-    """Leave out the first recorded impacts, keep the next ones."""
+    """Skip the first recorded impacts and keep the next ones."""
 
     transient: int
     keep: int
@@ -30,11 +30,11 @@ class ImpactWindow:
 
 @dataclass(frozen=True)
 class StroboscopicWindow:
-    """Look at the mass `per_period` times a period, `keep` times in all.
+    """Sample the motion `per_period` times per period, `keep` times in all.
 
-    The first look is at the first time after `skip_periods` periods from the start (the start itself
-    included) whose phase is `phase`, or at start + `skip_periods` T where `phase` is None; the
-    following ones are T / `per_period` apart. At an impact the state after it is given.
+    The first sample is at the first time, not earlier than `skip_periods` periods after the start, whose phase is
+    `phase`, or at start + `skip_periods` T if `phase` is None; the next ones follow at intervals of T / `per_period`.
+    At an impact the state after it is given.
     """
 
     skip_periods: int
@@ -43,7 +43,7 @@ class StroboscopicWindow:
     per_period: int = 1
 
     def schedule(self, periods: float, phase: float) -> tuple[Floats, Floats]:
-        """Return the times of the looks at a cell that starts at (periods + phase) T, as whole periods and phase."""
+        """Return the sampling times of a cell that starts at (periods + phase) T, as whole periods and phase."""
         first = periods + self.skip_periods
         if self.phase is not None:
             first += 1.0 if self.phase < phase else 0.0
@@ -56,11 +56,11 @@ class StroboscopicWindow:
 
 @dataclass(frozen=True)
 class Measurement:
-    """What is measured of each cell.
+    """The quantities measured for each cell.
 
-    With `early_closing` a cell ends once its cycle is certain, and its sums are finished in closed form. Indices
-    `by_stop` are those of the impacts on each stop of a system. Samples are what the window takes; they depend on
-    nothing but window and tolerances.
+    With `early_closing` a cell ends as soon as its cycle is certain, and its sums are completed in closed form. With
+    `by_stop`, indices are computed for the impacts on each stop of a system. Samples depend only on window and
+    tolerances.
     """
 
     window: ImpactWindow | StroboscopicWindow
@@ -71,25 +71,26 @@ class Measurement:
 
     @property
     def impacts(self) -> ImpactWindow:
-        """The window of impacts over which indices are taken."""
+        """The window of impacts over which indices are computed."""
         if not isinstance(self.window, ImpactWindow):
             raise TypeError("indices are taken over impacts")
         return self.window
 
     @property
     def thorough(self) -> bool:
-        """Whether sums over impact velocities do not suffice for the indices."""
+        """Whether the indices need more than sums over impact velocities."""
         return not (VELOCITY_INDICES | FORCES.keys()).issuperset(self.indices)
 
 
 @dataclass(frozen=True)
 class Samples:
-    """One cell's motion as a window saw it; times in whole `periods` plus `phase`, speeds in m/s.
+    """Samples of one cell's motion in a window; times in whole `periods` plus `phase`, speeds in m/s.
 
-    `impact_*`: recorded impacts (velocity before contact, > 0): those an `ImpactWindow` keeps, or all up
-    to the last look of a `StroboscopicWindow`. `look_*`: the looks (`displacement`, `velocity`); empty for an
-    `ImpactWindow`. `stick_*` / `release_*`: when the mass came to rest at the stop and when it left (NaN if it
-    had not), over the same span as the impacts. `last_*`: the state after the last thing kept, for carrying on.
+    `impact_*`: recorded impacts (velocity before contact, > 0): those that an `ImpactWindow` keeps, or all up to the
+    last sample of a `StroboscopicWindow`. `look_*`: the stroboscopic samples (`displacement`, `velocity`); empty for an
+    `ImpactWindow`. `stick_*` / `release_*`: times at which the mass came to rest at the stop and was released (NaN if
+    it was not), over the same span as the impacts. `last_*`: the state after the last item kept, from which to
+    continue.
     """
 
     impact_periods: Floats
@@ -112,17 +113,17 @@ class Samples:
 
     @property
     def impact_stop(self) -> Counts:
-        """The number of the stop of each impact, the only one."""
+        """The number of the stop of each impact: 0, the only one."""
         return np.zeros(len(self.impact_velocity), np.int64)
 
     @property
     def rest_begin(self) -> Floats:
-        """When each rest began, in whole periods and phase, a row each."""
+        """The beginning of each rest, in whole periods and phase, one row per rest."""
         return np.column_stack([self.stick_periods, self.stick_phase])
 
     @property
     def rest_end(self) -> Floats:
-        """When each rest ended, in whole periods and phase, a row each."""
+        """The end of each rest, in whole periods and phase, one row per rest."""
         return np.column_stack([self.release_periods, self.release_phase])
 
     @classmethod
@@ -136,15 +137,17 @@ class Samples:
         last: tuple[float, float, float, float],
         steps: int,
     ) -> Samples:
-        """Return samples from rows of impacts (periods, phase, velocity), looks (periods, phase, displacement,
-        velocity) and sticks (periods, phase, periods, phase of the release); `last` is (clearance, velocity, periods,
-        phase).
+        """Return samples from rows of numbers.
+
+        The columns are, for impacts: periods, phase, velocity; for looks: periods, phase, displacement, velocity; for
+        sticks: periods and phase of their begin, then of their release; for `last`: clearance, velocity, periods,
+        phase.
         """
         values: tuple[Any, ...] = *impacts.T, *looks.T, *sticks.T, int(status), *last, steps
         return cls(*values)
 
     def carry_on(self, cell: Cells) -> Cells:
-        """Return another cell begun where this motion ended: clearance, velocity and phase are carried along."""
+        """Return a cell whose initial condition is the end of this motion: its clearance, velocity and phase."""
         if not math.isfinite(self.last_clearance):
             return cell
         last = {"clearance": self.last_clearance, "velocity": self.last_velocity, "phase": self.last_phase}
@@ -153,13 +156,13 @@ class Samples:
 
 @dataclass(frozen=True)
 class SystemSamples:
-    """One system's motion as a window saw it; times in whole `periods` plus `phase`.
+    """Samples of one system's motion in a window; times in whole `periods` plus `phase`.
 
-    `impact_*`: recorded impacts, `stop` by its number, speed in m/s, impulse in N s, energy lost in J, whether other
-    stops were struck at the same instant, and of compliant stops, else NaN, the largest force in N, the time in s and
-    the penetration in m; of a contact that was not over all but the speed is NaN; `look_*`: coordinates and velocities,
-    one row a look; `rest_*`: which stop closed, when, and when it was let go (NaN if it was not); `last_*`: where it
-    ended, for carrying on.
+    `impact_*`: recorded impacts: number of the `stop`, speed in m/s, impulse in N s, energy lost in J, whether other
+    stops were struck at the same instant, and for compliant stops (else NaN) the peak force in N, the contact time in s
+    and the penetration in m; for an unfinished contact all but the speed are NaN. `look_*`: coordinates and velocities,
+    one row per sample. `rest_*`: the stop that closed, when it closed, and when it was released (NaN if it was not).
+    `last_*`: the final state, from which to continue.
     """
 
     impact_periods: Floats
@@ -186,21 +189,21 @@ class SystemSamples:
     last_phase: float
 
     def carry_on(self, cell: SystemCells) -> SystemCells:
-        """Return another cell begun where this motion ended: coordinates, velocities and phase are carried along."""
+        """Return a cell whose initial condition is the end of this motion: its coordinates, velocities and phase."""
         return cell.carried(self.last_displacement, self.last_velocity, self.last_phase)
 
 
 def impacts_status(impacts: Floats, sticks: Floats, window: ImpactWindow, ended: Status) -> Status:
-    """Return the status of a motion that `ended` so, from rows of the impacts and sticks that its window kept."""
+    """Return the status of a motion from its ending `ended` and the rows of impacts and sticks in its window."""
     turns = impacts[:, 0] + impacts[:, 1]
     span = float(turns[-1] - turns[0]) if len(turns) else 0.0
     return window_status(sampled=len(impacts), wanted=window.keep, stuck=len(sticks) > 0, periods=span, ended=ended)
 
 
 def looks_status(sticks: Floats, first: float, pressed: bool) -> Status:
-    """Return the status of a full window of looks, the first of them `first` periods from time 0, from rows of sticks.
+    """Return the status of a full stroboscopic window that begins `first` periods from time 0, from rows of sticks.
 
-    `pressed`: a mass at rest at the stop is never released.
+    With `pressed`, a mass at rest at the stop is never released.
     """
     released = sticks[:, 2] + sticks[:, 3]
     if pressed and np.isnan(released).any():
@@ -212,17 +215,17 @@ Outcome = dict[str, NDArray[Any]]
 
 
 def with_stop_axis(outcome: Outcome, measurement: Measurement) -> Outcome:
-    """Return the outcome of cells with one stop, with an axis for it where indices are those of each stop."""
+    """Return the outcome of cells with one stop, with an axis of stops added if indices are by stop."""
     of_stops = {name for name, index in INDICES.items() if measurement.by_stop and index.by_stop}
     return {name: values[:, None] if name in of_stops else values for name, values in outcome.items()}
 
 
 class Backend(Protocol):
-    """Two questions a back end answers about cells; neither ever raises because of a cell's physics.
+    """The protocol of back ends, with two methods on cells; neither raises because of a cell's physics.
 
-    `largest_tile` is how many cells it should be asked about at once, so that progress and Ctrl-C are heard;
-    with fewer than `smallest_tile` part of the machine would stand idle. `known_indices` are those it can give,
-    `sampler` is the back end that follows its single orbits; a `slow` one takes up to seconds per cell.
+    `largest_tile` is the largest number of cells per call that still allows timely progress reports and Ctrl-C; with
+    fewer than `smallest_tile` part of the machine is idle. `known_indices` are the indices it can compute, and
+    `sampler` is the back end that follows single orbits for it; a `slow` back end takes up to seconds per cell.
     """
 
     name: str
@@ -233,32 +236,34 @@ class Backend(Protocol):
     slow: bool = False
 
     def check_here(self) -> None:
-        """Raise `ValueError` where this machine lacks what the back end needs."""
+        """Raise `ValueError` if this machine does not meet the requirements of the back end."""
         return
 
     def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
-        """Return at least the indices asked for (NaN where one has no value, 0 for a whole number), `status` (int8),
-        `impacts` (recorded impacts computed, int64) and `steps` (int64), each of shape (n,).
+        """Return at least the requested indices, and status and counts of each cell, each of shape (n,).
+
+        An index without a value is NaN, or 0 for a whole number. The others are `status` (int8), `impacts` (recorded
+        impacts computed, int64) and `steps` (int64).
         """
         ...
 
     def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
-        """Return the samples that the window takes of each cell."""
+        """Return the samples of each cell in the window."""
         ...
 
     def follow(self, cell: Cells, measurement: Measurement, sampling: Measurement) -> tuple[Outcome, Samples]:
-        """Return the outcome of `indices` for a single cell, and the samples that the window of `sampling` takes of it.
+        """Return the outcome of `indices` for a single cell, and its samples in the window of `sampling`.
 
-        A back end that can takes both from one run.
+        If possible, both come from one run.
         """
         return self.indices(cell, measurement), self.samples(cell, sampling)[0]
 
 
 @runtime_checkable
 class SharesCells(Protocol):
-    """A back end of whose cells each thread takes the next one, so that all threads end together.
+    """A back end whose threads each take the next cell in turn, so that all end at about the same time.
 
-    With as few cells as `alone` one thread ends as soon as several.
+    With up to `alone` cells, one thread is as fast as several.
     """
 
     alone: int
@@ -266,12 +271,13 @@ class SharesCells(Protocol):
     def share(
         self, cells: Cells, measurement: Measurement
     ) -> Callable[[Callable[[], bool]], Iterator[tuple[Counts, Outcome]]]:
-        """Return the work of a thread, called with a function that says when to stop; it yields cells that ended, and
-        their indices as `indices` gives them.
+        """Return the work of a thread: a function that yields finished cells with their `indices`.
+
+        Its argument is a function that says when to stop.
         """
         ...
 
 
 def energy_loss(mass: float, restitution: float) -> float:
-    """Return m (1 - r^2)/2: what an impact of unit speed costs."""
+    """Return m (1 - r^2)/2, the energy lost in an impact of unit speed."""
     return 0.5 * mass * (1.0 - restitution) * (1.0 + restitution)

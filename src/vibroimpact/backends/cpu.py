@@ -1,4 +1,4 @@
-"""The `cpu` back end: exact flights in vectorised lanes, by the engine that serves each cell."""
+"""The `cpu` back end: exact flights in vectorised lanes, by the engine suited to each cell."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vibroimpact.model.system_cells import SystemCells
 class CpuBackend(Backend):
     """Exact flights, certified contacts, closed-form chatter; threads share the cells of a sweep.
 
-    Systems that are one mass in front of one fixed rigid stop go to the engine of one mass, cell by cell.
+    Systems that are equivalent to one mass at one fixed rigid stop are computed by the engine of one mass.
     """
 
     name = sampler = "cpu"
@@ -38,7 +38,7 @@ class CpuBackend(Backend):
     def share(
         self, cells: Cells, measurement: Measurement
     ) -> Callable[[Callable[[], bool]], Iterator[tuple[Counts, Outcome]]]:
-        """Return the work of a thread: cell after cell into its own lanes, until none is left."""
+        """Return the work of a thread, which loads cells into its own lanes until none is left."""
         sweeps = list(_sweeps(cells, measurement))
 
         def work(stopped: Callable[[], bool]) -> Iterator[tuple[Counts, Outcome]]:
@@ -49,10 +49,10 @@ class CpuBackend(Backend):
         return work
 
     def samples(self, cells: Cells, measurement: Measurement) -> list[Any]:
-        """Return the samples that the window takes of each cell."""
+        """Return the samples of each cell in the window."""
         if not isinstance(cells, SystemCells):
             return scalar.samples(cells, measurement)
-        from vibroimpact.backends.modal import samples  # compiled when it is first asked
+        from vibroimpact.backends.modal import samples  # compiled on first use
 
         motions, served = np.empty(len(cells), object), one_mass.served(cells, measurement)
         if served.any():
@@ -62,18 +62,18 @@ class CpuBackend(Backend):
         return motions.tolist()
 
     def follow(self, cell: Cells, measurement: Measurement, sampling: Measurement) -> tuple[Outcome, Samples]:
-        """Return the outcome of `indices` for one cell, and the samples that the window of `sampling` takes of it."""
+        """Return the outcome of `indices` for one cell, and its samples in the window of `sampling`."""
         if isinstance(cell, SystemCells):
             return super().follow(cell, measurement, sampling)
         return scalar.follow(cell, measurement, sampling)
 
 
 def _sweeps(cells: Cells, measurement: Measurement) -> Iterator[tuple[Counts, Any]]:
-    """Yield the cells that each engine serves, and what is shared of them by threads."""
+    """Yield, for each engine, its cells and their sweep, which threads share."""
     if not isinstance(cells, SystemCells):
         yield np.arange(len(cells)), scalar.Sweep(cells, measurement)
         return
-    from vibroimpact.backends.modal.sweep import SystemSweep  # compiled when it is first asked
+    from vibroimpact.backends.modal.sweep import SystemSweep  # compiled on first use
 
     served = one_mass.served(cells, measurement)
     if served.any():

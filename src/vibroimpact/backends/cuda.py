@@ -1,7 +1,7 @@
-"""The `cuda` back end: one cell a thread of an NVIDIA GPU, by the functions that step the lanes of `cpu`.
+"""The `cuda` back end: one cell per thread of an NVIDIA GPU, with the functions that step the lanes of `cpu`.
 
-The device contracts a b + c where the source leaves it free to, so statistics, classes and statuses agree with
-`cpu`, bits do not.
+The device may contract a b + c to one rounding (FMA), so statistics, classes and statuses agree with `cpu`, but not bit
+for bit.
 """
 
 from __future__ import annotations
@@ -34,22 +34,22 @@ from vibroimpact.kernels.machine import config
 from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
 from vibroimpact.parameters import to_install
 
-THREADS = 64  # a block
-LOOKS = 32  # between two compactions: some 1000 steps, a few milliseconds
+THREADS = 64  # threads per block
+LOOKS = 32  # between two compactions: about 1000 steps, a few milliseconds
 AT_ONCE = 2  # tiles on the device: one fills it while the last cells of the other finish
 SHARE = 0.25  # of the device's free memory that one tile may take
-CLOSERS = 2048  # cycles walked side by side
-# A cell's row, lane, notes, facts, columns, and its place in lists.
+CLOSERS = 2048  # cycles followed in parallel
+# Bytes per cell: row, lane, notes, facts, columns, and indices in lists.
 CELL_BYTES = 8 * (len(Cell._fields) + ROWS + NOTES + FACTS + len(THOROUGH) + 2)
 CYCLE_BYTES = 8 * 4 * LONGEST
 
 # The simulator runs one kernel at a time.
 _turns = BoundedSemaphore(1 if config.ENABLE_CUDASIM else AT_ONCE)
-_launching = Lock()  # numba-cuda loads a kernel when it is first launched, and fails where two threads do so at once
+_launching = Lock()  # numba-cuda loads a kernel at its first launch, and fails if two threads do so at once
 
 
 class CudaBackend(OfOneMass):
-    """Indices of many cells at once on the GPU; single orbits have nothing to gain there and stay on the CPU."""
+    """Indices of many cells at once on the GPU; single orbits would not be faster there and are followed on the CPU."""
 
     name, sampler = "cuda", "cpu"
     smallest_tile = 16_384
@@ -57,7 +57,7 @@ class CudaBackend(OfOneMass):
     known_indices = frozenset(INDICES)
 
     def check_here(self) -> None:
-        """Say what is missing where there is no NVIDIA GPU, or no numba-cuda."""
+        """Raise `ValueError`, with the reason, if there is no NVIDIA GPU or no numba-cuda."""
         problem = _lack()
         if problem:
             what, remedy = problem
@@ -87,7 +87,7 @@ def create() -> CudaBackend:
 
 
 def _numba_cuda() -> Any:
-    """Return numba's CUDA module, imported only where a GPU is to be used."""
+    """Return numba's CUDA module, imported only if a GPU is used."""
     return import_module("numba.cuda")
 
 
@@ -102,13 +102,13 @@ def _lack() -> tuple[str, str] | None:
 
 
 def _room(cells: int) -> tuple[int, int]:
-    """Return the numbers of cells, and of cycles walked at once, that fit into this tile's share of the free memory."""
+    """Return the numbers of cells, and of cycles followed at once, that fit into a tile's share of the free memory."""
     half = 0.5 * SHARE * _numba_cuda().current_context().get_memory_info().free
     return int(max(min(cells, half // CELL_BYTES), 1)), int(max(min(cells, CLOSERS, half // CYCLE_BYTES), 1))
 
 
 class _Tile:
-    """Cells on the device, and the launches that take them to their ends."""
+    """Cells on the device, and the launches that compute them."""
 
     def __init__(self, rows: Floats, closers: int, window: ImpactWindow, tolerances: scalar.Limits, thorough: bool):
         from vibroimpact.kernels import device
@@ -139,9 +139,9 @@ class _Tile:
         self._launch(device.begin, self.number, self.cells, *self.sums, self.total, *tolerances)
 
     def run(self, early_closing: bool) -> tuple[Floats, NDArray[np.int8]]:
-        """Return the columns that cells hand out and why each ended.
+        """Return the result columns of the cells and why each ended.
 
-        Between two launches the cells that ended leave the list, so that the warps of the next are full.
+        Between launches, finished cells are removed from the list, so that the next warps are full.
         """
         running: Counts = np.arange(self.number)
         states = np.zeros(self.number, np.int8)

@@ -1,15 +1,15 @@
-"""The `fixed-step` back end: the scheme of the paper, to see the paper's own numbers; never an oracle.
+"""The `fixed-step` back end: the scheme of the paper, to reproduce the paper's numbers; it is no reference.
 
-Classical fourth-order Runge-Kutta at a fixed `time_step` from the start; contact is looked for at step ends only. A
-step that ends at or beyond the stop with positive velocity is an impact there and then: velocity and time of its end
-are recorded, the mass is put back on the stop with -r times the velocity. Nothing is done about chatter: a mass
-that ought to rest on the stop rattles with one false impact a step. So `Tolerances.chatter` does not apply and no
-stick is ever seen; of the budgets only `flight_periods` applies, and `budget` is also the status of a step too
-long for the scheme to stay finite.
+Classical fourth-order Runge-Kutta at a fixed `time_step` from the start; contact is tested only at the ends of steps.
+If a step ends at or beyond the stop with positive velocity, an impact is recorded with the velocity and time of that
+end, and the mass is placed on the stop with -r times the velocity. Chatter is not treated: a mass that should rest on
+the stop rattles with one false impact per step. So `Tolerances.chatter` does not apply and sticks are never detected;
+of the budgets only `flight_periods` applies, and `budget` is also the status if the step is too long for the scheme to
+stay finite.
 
-Looks are made at the step nearest to the wanted time and carry the time of that step. To cut a time window as
-the paper does, [100, 150] s, take a `StroboscopicWindow` that ends at 150 s or later: it gives every impact from the
-start to its last look.
+Samples are taken at the step nearest to the requested time, with the time of that step. For a time window as in the
+paper, [100, 150] s, use a `StroboscopicWindow` that ends at 150 s or later: it holds every impact from the start to its
+last sample.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from vibroimpact.parameters import SMALLEST, invalid, real_number
 from vibroimpact.status import Status, window_status
 
 TIME_STEP = 0.0005
-_ROOM = 4096  # steps and impacts between two looks at whether the motion has ended
-_MARCH = 1 << 24  # steps, some 0.1 s, before Python asks whether to stop
+_ROOM = 4096  # steps and impacts between two tests of whether the motion has ended
+_MARCH = 1 << 24  # steps per call, about 0.1 s, between checks for an interrupt
 
 
 class Run:
-    """One oscillator marching from its start."""
+    """The time integration of one oscillator."""
 
     def __init__(self, cell: dict[str, float], time_step: float, tolerances: Tolerances) -> None:
         self.start = State(**{name: cell.pop(name) for name in ("clearance", "velocity", "periods", "phase")})
@@ -67,13 +67,13 @@ class Run:
             self.flight_from = int(steps[-1])
 
     def march_to(self, last: int, impacts: int = _ROOM) -> None:
-        """March to a step, or until so many more impacts were recorded."""
+        """Integrate to a step, or until so many more impacts are recorded."""
         steps, velocities = np.empty(impacts, dtype=np.int64), np.empty(impacts)
         self.y, self.v, self.step, count = march(self.law, self.y, self.v, self.step, last, steps, velocities)
         self._keep(steps[:count], velocities[:count])
 
     def fill(self, wanted: int) -> Status:
-        """March until so many impacts are recorded; return OK, or why they never will be."""
+        """Integrate until so many impacts are recorded; return OK, or why they never will be."""
         while self.count < wanted:
             self.march_to(self.step + _ROOM, min(_ROOM, wanted - self.count))
             if self.count == wanted:
@@ -85,7 +85,7 @@ class Run:
         return Status.OK
 
     def _look(self, steps: NDArray[np.int64]) -> Floats:
-        """Return (y, y') at ascending steps; fewer rows if the scheme blows up."""
+        """Return (y, y') at ascending steps; fewer rows if the scheme diverges."""
         states = np.empty((len(steps), 2))
         for i, step in enumerate(steps):
             while self.step < step and math.isfinite(self.y):
@@ -102,7 +102,7 @@ class Run:
         return self.start.periods + whole, turns - whole
 
     def state(self) -> State:
-        """Return the present state of the mass; a step that ends beyond the stop on its way back counts as on it."""
+        """Return the present state of the mass; a position beyond the stop while moving back is set to the stop."""
         periods, phase = self.times(np.array([self.step]))
         return State(max(self.free.gap - self.y, 0.0), self.v, float(periods[0]), float(phase[0]))
 
@@ -122,7 +122,7 @@ class Run:
         return self._samples(kept, np.empty((0, 4)), status), self.count
 
     def indices(self, window: ImpactWindow) -> tuple[Samples, int, dict[str, float]]:
-        """Return the samples of an impact window, the impacts recorded in all, and the indices of the kept ones."""
+        """Return the samples of an impact window, the number of impacts recorded, and the indices of the kept ones."""
         samples, computed = self.impacts(window)
         return samples, computed, impact_indices(samples, self.loss) if Status(samples.status).has_indices else {}
 
@@ -145,8 +145,8 @@ class Run:
 class FixedStepBackend(OneByOne):
     """The paper's scheme behind the back-end protocol.
 
-    Seen at step ends only, no motion sticks, repeats to rounding or has a tangent: `known_indices` are those that
-    have a value.
+    With contact tested only at step ends, no motion sticks, repeats to rounding or has a tangent; `known_indices` are
+    the indices that still have a value.
     """
 
     name = sampler = "fixed-step"

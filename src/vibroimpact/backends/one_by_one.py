@@ -1,4 +1,4 @@
-"""Back ends that follow one cell after the other and keep every impact."""
+"""Back ends that compute one cell after another and keep every impact."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ SAMPLE_INDICES = VELOCITY_INDICES | {"dissipation", "impact_phase_spread"}
 
 
 def impact_indices(samples: Samples, loss: float) -> dict[str, float]:
-    """Return the indices that follow from kept impacts alone; an impact of speed v costs `loss` v^2, m (1 - r^2) v^2/2.
+    """Return the indices that need only kept impacts; an impact at speed v loses the energy `loss` v^2.
 
-    The energy is what the impacts after the first one cost: they and the flights before them make up the span. The
-    phases' spread is 1 - |mean of exp(2 pi i phase)|.
+    Here `loss` is m (1 - r^2)/2. The energy is the loss of all impacts after the first: these and the flights before
+    them make up the span. The spread of the phases is 1 - |mean of exp(2 pi i phase)|.
     """
     velocity, last = samples.impact_velocity, len(samples.impact_velocity) - 1
-    # Shifted by the first sample: nearly equal velocities keep the digits of their differences.
+    # Shifted by the first sample, so that nearly equal velocities keep the digits of their differences.
     shifted = velocity - velocity[0]
     angle = 2.0 * math.pi * samples.impact_phase
     indices = {
@@ -44,9 +44,9 @@ def impact_indices(samples: Samples, loss: float) -> dict[str, float]:
 
 
 class OneByOne(OfOneMass):
-    """A back end that follows one cell after the other and computes every impact, `early_closing` or not.
+    """A back end that computes one cell after another and every impact, whether or not `early_closing` is set.
 
-    Each gives all indices that it knows, named or not.
+    It returns all its known indices, requested or not.
     """
 
     smallest_tile = 1
@@ -54,9 +54,9 @@ class OneByOne(OfOneMass):
     slow = True
 
     def run(self, cell: dict[str, float], tolerances: Tolerances) -> Any:
-        """Return the run of a cell from its start.
+        """Return the run of a cell from its initial condition.
 
-        Its `looks(window)` gives samples, `impacts(window)` samples and how many impacts were recorded in all, and
+        Its `looks(window)` returns samples, `impacts(window)` samples and the number of impacts recorded, and
         `indices(window)` these two and a dict of indices.
         """
         ...

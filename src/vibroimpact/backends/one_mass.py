@@ -1,10 +1,10 @@
-r"""Systems that are one mass in front of one fixed rigid stop, for the engine of one mass.
+r"""Systems that are equivalent to one mass at one fixed rigid stop, for the engine of one mass.
 
 In the coordinate y = alpha eta towards the stop, from equilibrium under the constant load, with the modal mass M of y,
 
 .. math:: M \ddot y + M D \dot y + M \Omega^2 y = M |\alpha f_1| \sin(\omega t + \arg \alpha f_1), \qquad y \le g',
 
-so that it is an oscillator whose phase is ahead.
+which is an oscillator with a phase lead.
 """
 
 from __future__ import annotations
@@ -34,17 +34,18 @@ from vibroimpact.model.system_cells import SystemCells
 
 ONE_MASS = "one mass in front of one fixed rigid stop, driven at one frequency"
 BELOW_ONE = np.nextafter(1.0, 0.0)
-ROUNDING = 1e-15  # of the lengths that a clearance is the difference of
-SAME = 1e-12  # of a scale of velocities: such a difference is rounding
+ROUNDING = 1e-15  # relative to the lengths whose difference is the clearance
+SAME = 1e-12  # relative to a velocity scale: such a difference is rounding
 
-# What such a stop has none of.
+# Blocks of numbers that are zero for such a stop.
 _NONE_OF = "motion", *(block.name for number, block in BLOCKS.items() if number not in ("gap", "restitution"))
 
 
 def is_one_mass(cells: SystemCells) -> NDArray[np.bool_]:
-    """Return which cells are one mass in front of one fixed rigid stop, driven at one frequency, if at all.
+    """Return which cells are one mass at one fixed rigid stop, driven at one frequency or not at all.
 
-    Their scale of velocities must be that of an oscillator: on a spring so soft that the load decides, it is not.
+    Their velocity scale must equal that of the oscillator, which it does not if the spring is so soft that the load
+    determines it.
     """
     if (cells.shape.modes, cells.shape.stops) != (1, 1):
         return np.zeros(len(cells), bool)
@@ -58,13 +59,13 @@ def is_one_mass(cells: SystemCells) -> NDArray[np.bool_]:
 
 
 def served(cells: SystemCells, measurement: Measurement) -> NDArray[np.bool_]:
-    """Return which cells the engine of one mass can answer for, all that is asked."""
+    """Return which cells the engine of one mass can compute with the requested measurement."""
     able = INDICES.keys() >= set(measurement.indices)
     return is_one_mass(cells) if able else np.zeros(len(cells), bool)
 
 
 def as_one_mass(cells: SystemCells) -> tuple[Cells, Floats]:
-    """Return cells of such systems as those of oscillators, and by how much the phase of these is ahead, in [0, 1)."""
+    """Return cells of such systems as cells of oscillators, and the phase lead of these, in [0, 1)."""
     alpha, square, weight = cells["alpha"], cells["square"], cells["weight"]
     force = cells.block("force")
     wave = alpha * (force[:, 0] + 1j * force[:, 1]) if force.shape[1] else np.zeros(len(cells), complex)
@@ -94,11 +95,11 @@ def samples(
     measurement: Measurement,
     engine: Callable[[Cells, Measurement], list[Samples]],
 ) -> list[SystemSamples]:
-    """Return the samples that the window takes of each cell, by an engine of one mass."""
+    """Return the samples of each cell in the window, from an engine of one mass."""
     oscillators, ahead = as_one_mass(cells)
     groups = np.zeros(len(cells))
     if isinstance(measurement.window, StroboscopicWindow) and measurement.window.phase is not None:
-        groups = ahead  # each looks at a phase of its own
+        groups = ahead  # each cell has its own sampling phase
     motions: list[Any] = [None] * len(cells)
     for group in np.unique(groups):
         rows = np.flatnonzero(groups == group)
@@ -118,14 +119,14 @@ def _shifted(measurement: Measurement, ahead: float) -> Measurement:
 
 
 def _of_system(cell: SystemCells, oscillator: dict[str, float], ahead: float, motion: Samples) -> SystemSamples:
-    """Return the samples of an oscillator as those of the system that it stands for."""
+    """Return the samples of an oscillator as those of the equivalent system."""
 
     def turned(periods: Any, phase: Any) -> tuple[Floats, Floats]:
         whole = np.floor(phase - ahead)
         behind = np.minimum(phase - ahead - whole, BELOW_ONE)
         return periods + whole, behind
 
-    towards = cell.shapes[0, 0, 0] / cell["alpha"]  # the coordinate's change with y
+    towards = cell.shapes[0, 0, 0] / cell["alpha"]  # derivative of the coordinate by y
 
     def coordinates(y: Any) -> Floats:
         column: Floats = np.atleast_1d(y)[:, None] * towards
@@ -161,7 +162,7 @@ def _of_system(cell: SystemCells, oscillator: dict[str, float], ahead: float, mo
 
 
 class OfOneMass(Backend):
-    """A back end for one mass in front of one fixed rigid stop, driven at one frequency, however that is written."""
+    """A back end for one mass at one fixed rigid stop, driven at one frequency, given as an oscillator or a system."""
 
     def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         """Return the indices, the status, the impacts computed and the certified steps of each cell."""
@@ -170,16 +171,16 @@ class OfOneMass(Backend):
         return with_stop_axis(self._indices(oscillators, measurement), measurement)
 
     def samples(self, cells: Cells, measurement: Measurement) -> list[Any]:
-        """Return the samples that the window takes of each cell."""
+        """Return the samples of each cell in the window."""
         if not isinstance(cells, SystemCells):
             return self._samples(cells, measurement)
         self.check_takes(cells)
         return samples(cells, measurement, self._samples)
 
     def check_takes(self, cells: Cells) -> None:
-        """Refuse cells that are something else."""
+        """Raise `ValueError` for other models."""
         if isinstance(cells, SystemCells) and not is_one_mass(cells).all():
-            raise ValueError(f"`backend` {self.name!r} takes only {ONE_MASS}; leave it out")
+            raise ValueError(f"`backend` {self.name!r} takes only {ONE_MASS}; omit it")
 
     def _indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         raise NotImplementedError

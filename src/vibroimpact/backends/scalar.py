@@ -36,43 +36,43 @@ from vibroimpact.kernels.vectors import LANES as BLOCK
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 
-_LOOKS = 500  # at a cell or at lanes, 3 to 300 ms, before Python asks whether to stop
-_BATCH = 4096  # cells that end before they are handed on
-FEW = 4  # cells, recorded sooner one after the other than in lanes most of which stand idle
-ROOM = 4096  # rows of a buffer, which is emptied when it is full
+_LOOKS = 500  # steps of a cell or of lanes, 3 to 300 ms, between checks for an interrupt
+_BATCH = 4096  # finished cells per batch
+FEW = 4  # cells: fewer are recorded one after another, since most lanes would be idle
+ROOM = 4096  # rows of a buffer, which is emptied when full
 
 Window = ImpactWindow | StroboscopicWindow
 Limits = tuple[float, float, float]
 
 
 def limits(tolerances: Tolerances) -> Limits:
-    """Return the tolerances in the order in which the kernels take them."""
+    """Return the tolerances in the order expected by the kernels."""
     return tolerances.chatter, tolerances.flight_periods, float(tolerances.steps_per_impact)
 
 
 def expected_steps(cells: Cells, window: ImpactWindow) -> Floats:
-    """Return the certified steps of so many flights of a period of the slower pace, at the length of the faster one."""
+    """Return the certified steps of so many flights, each as long as the slower period in steps of the faster one."""
     impacts = window.transient + window.keep
     steps: Floats = impacts * 2.0 * math.pi / REACH * cells.fastest_rate / cells.slowest_rate
     return steps
 
 
 def outlast(cells: Cells, measurement: Measurement) -> bool:
-    """Return whether all cells seem to need more steps than stiffness may grant them."""
+    """Return whether all cells are expected to need more steps than the limit for stiff cells."""
     window = measurement.impacts
     granted = measurement.tolerances.steps_per_impact * (window.transient + window.keep)
     return bool(expected_steps(cells, window).min() >= max(MOST, granted))
 
 
 def rows_of(cells: Cells) -> Floats:
-    """Return the table of cells as kernels read it; its columns must be those of a `Cell`, in that order."""
+    """Return the table of cells for the kernels; its columns must be those of a `Cell`, in that order."""
     if cells.columns != Cell._fields:
         raise ValueError(f"cells must have the columns {', '.join(Cell._fields)}, got {', '.join(cells.columns)}")
     return np.ascontiguousarray(cells.table)
 
 
 def outcomes(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> Outcome:
-    """Return the outcome of cells, from the columns that lanes hand out and why each cell ended."""
+    """Return the outcome of cells, from the result columns of the lanes and why each cell ended."""
     full = ends == FILLED
     columns = dict(zip(THOROUGH, results.T, strict=False))
     indices = {
@@ -88,7 +88,7 @@ def outcomes(results: Floats, ends: NDArray[np.int8], window: ImpactWindow) -> O
 
 
 def statuses(columns: dict[str, Floats], ends: NDArray[np.int8], window: ImpactWindow) -> NDArray[np.int8]:
-    """Return the status of every cell; it is decided once for each combination of ending and flags."""
+    """Return the status of every cell, determined once per combination of ending and flags."""
     flags = np.stack(
         [columns["counted"] > 0.0, columns["sticks"] > 0.0, columns["span"] < 10.0, columns["added"] > 0.0],
         axis=1,
@@ -99,7 +99,7 @@ def statuses(columns: dict[str, Floats], ends: NDArray[np.int8], window: ImpactW
 
 
 def samples(cells: Cells, measurement: Measurement) -> list[Samples]:
-    """Return the samples that the window takes of each cell."""
+    """Return the samples of each cell in the window."""
     runs = [_Run(row, measurement.window, limits(measurement.tolerances)) for row in rows_of(cells)]
     if len(runs) < FEW:
         for run in runs:
@@ -110,10 +110,10 @@ def samples(cells: Cells, measurement: Measurement) -> list[Samples]:
 
 
 def follow(cell: Cells, measurement: Measurement, sampling: Measurement) -> tuple[Outcome, Samples]:
-    """Return the outcome of a sweep for one cell, and the samples that the window of `sampling` takes, from one run.
+    """Return the outcome of a sweep for one cell, and its samples in the window of `sampling`, from one run.
 
-    Both agree bit for bit with those of two runs. The budgets may differ; `chatter`, on which the motion depends, must
-    not.
+    Both agree bit for bit with those of two separate runs. The budgets may differ, but not `chatter`, on which the
+    motion depends.
     """
     if sampling.tolerances.chatter != measurement.tolerances.chatter:
         raise ValueError(
@@ -139,11 +139,11 @@ def _status(end: int, flags: list[bool], window: ImpactWindow) -> Status:
 
 
 class Sweep:
-    """Cells that threads share, and what has become of them."""
+    """Cells shared by threads, and their results."""
 
     def __init__(self, cells: Cells, measurement: Measurement, ahead: Floats | None = None) -> None:
         self.measurement, self.thorough = measurement, measurement.thorough
-        self._ahead = np.zeros(len(cells)) if ahead is None else ahead  # of the phase that is asked for
+        self._ahead = np.zeros(len(cells)) if ahead is None else ahead  # of the requested phase
         self.cells = rows_of(cells)
         self.results = np.zeros((len(cells), len(THOROUGH if self.thorough else PLAIN)))
         self.ends = np.zeros(len(cells), dtype=np.int8)
@@ -153,7 +153,7 @@ class Sweep:
         self._how = float(window.transient), total, *limits(measurement.tolerances), measurement.early_closing, _LOOKS
 
     def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
-        """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""
+        """Step the calling thread's own lanes; yield finished cells in batches."""
         seat, facts = _seat(len(self.cells)), self._facts()
         ended = np.empty(_BATCH, dtype=np.int64)
         busy = 1
@@ -174,7 +174,7 @@ class Sweep:
         return with_stop_axis(outcome, self.measurement)
 
     def follow(self, run: _Run) -> None:
-        """Measure the only cell, and record its run up to there, or to its own end."""
+        """Measure the only cell, and record its run up to the same point or to its end."""
         seat, facts, recorder = _seat(len(self.cells)), self._facts(), Recorder(run.memory, *_room_for(run.window))
         while self.ends[0] == RUNNING:
             follow_cell(self.cells, self.results, self.ends, seat, *self._how, facts, recorder)
@@ -185,16 +185,16 @@ class Sweep:
 
 
 def _seat(cells: int) -> tuple[NDArray[Any], ...]:
-    """Return the arrays of a thread: lanes, the cell in each (-1: none), notes, room for one cycle and for a walk.
+    """Return the arrays of a thread: lanes, the cell in each (-1: none), notes, workspaces for cycles.
 
-    Of few cells a thread takes a block, and leaves as many to another.
+    If there are few cells, a thread takes only one block and leaves the others to other threads.
     """
     owner, notes = np.full(LANES if cells >= 2 * LANES else BLOCK, -1), np.zeros((LANES, NOTES))
     return aligned(ROWS * LANES), owner, notes, np.zeros((LONGEST, 4)), np.zeros((LOOK, TRACE))
 
 
 class _Run:
-    """A cell, its recorder's memory, and what is recorded of it so far."""
+    """A cell, its recorder's buffers, and its record so far."""
 
     def __init__(self, row: Floats, window: Window, limits: Limits) -> None:
         self.cell, self.window = Cell(*row.tolist()), window
@@ -223,7 +223,7 @@ class _Run:
             self.keep(recorder)
 
     def samples(self) -> Samples:
-        """Return the samples, and keep them no longer."""
+        """Return the samples and release their memory."""
         parts, self.parts = self.parts, []
         impacts, looks, sticks = (np.concatenate(part) for part in zip(*parts, strict=True))
         last, progress = state_of(self.memory)
@@ -245,21 +245,21 @@ class _Run:
 
 
 def aligned(size: int) -> Floats:
-    """Return zeros that begin at a cache line, as lanes should: registers that straddle two cost some 4 %."""
+    """Return zeros aligned to a cache line: lanes that straddle two lines are about 4 % slower."""
     room = np.zeros(size + 7)
     first = -room.ctypes.data % 64 // 8
     return room[first : first + size]
 
 
 def _room_for(window: Window, *lanes: int) -> tuple[Floats, Floats, Floats, Counts]:
-    """Return room for impacts, for all looks, and for sticks, and how many rows of each are filled."""
+    """Return buffers for impacts, all looks and sticks, and the number of rows filled in each."""
     impacts, looks = (min(ROOM, window.keep + LOOK + 1), 1) if isinstance(window, ImpactWindow) else (ROOM, window.keep)
     rooms = [np.empty((*lanes, *room)) for room in ((impacts, 3), (looks, 2), (ROOM, 4))]
     return rooms[0], rooms[1], rooms[2], np.zeros((*lanes, 3), np.int64)
 
 
 def _record_in_lanes(runs: list[_Run]) -> None:
-    """Record the runs in lanes; one that ends makes room for the next."""
+    """Record the runs in lanes; a finished run is replaced by the next."""
     lanes, trace = aligned(CELL * LANES), np.zeros((LOOK, TRACE * LANES))
     recorder = Recorder(np.zeros((LANES, MEMORY)), *_room_for(runs[0].window, LANES))
     recorder.memory[:, END] = IDLE
@@ -284,7 +284,7 @@ def _record_in_lanes(runs: list[_Run]) -> None:
 
 
 def ended_as(end: int, impacts: float | bool) -> Status:
-    """Return the status of a cell that ended so; `impacts` is 0 or False if it had none."""
+    """Return the status of a cell from the way it ended; `impacts` is 0 or False if it had none."""
     if end in (QUIET, DYING) and not impacts:
         return Status.NO_IMPACT
     return {

@@ -1,4 +1,4 @@
-"""Branches of periodic orbits along a parameter, and their boundaries in two."""
+"""Branches of periodic orbits along one parameter, and their stability boundaries in two parameters."""
 
 from vibroimpact.continuation.bifurcations import switch_branch
 from vibroimpact.continuation.boundary import continue_boundary

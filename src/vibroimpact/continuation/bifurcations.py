@@ -1,7 +1,7 @@
-"""Bifurcations between two points of a branch, solved for exactly, and the branch that is born at one.
+"""Exact location of the bifurcations between two points of a branch, and switching to the branch born at one.
 
-Tests along a branch change sign where it folds, doubles its period or grazes. At a period doubling `switch_branch`
-leads to the doubled orbit that is born there.
+Test functions along a branch change sign at folds, period doublings and grazes. `switch_branch` leads from a period
+doubling to the doubled orbit that is born there.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from vibroimpact.model.scales import scale_of
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.parameters import invalid
 
-HALVINGS = 12  # of a step, in search of what happens inside
-TRIES = 12  # of an amplitude, halved each time
+HALVINGS = 12  # halvings of a step in search of the bifurcations inside it
+TRIES = 12  # attempts, with the amplitude halved each time
 
 
 def between(a: Point, b: Point) -> list[Solution]:
-    """Return the bifurcations between two neighbouring points of a branch, in their order."""
+    """Return the bifurcations between two neighbouring points of a branch, in the order of the branch."""
     changed = [condition for condition in a.tests if (a.tests[condition] > 0.0) != (b.tests[condition] > 0.0)]
     at_impact = LAST_IMPACT in changed
     wanted = [FOLD] if FOLD in changed else []
@@ -37,9 +37,9 @@ def between(a: Point, b: Point) -> list[Solution]:
 
 
 def lost_contact(a: Point, b: Point) -> Solution | None:
-    """Return the graze between two points at which a compliant stop loses a contact: beyond, its velocity is negative.
+    """Return the graze between two points at which a contact with a compliant stop is lost (its velocity passes zero).
 
-    None if impacts get out of order for another reason.
+    None if the order of the impacts changes for another reason.
     """
     at = int(np.argmin(b.speeds))
     if b.speeds[at] >= 0.0 or a.speeds[at] <= 0.0 or not a.equations.compliant_at(at):
@@ -75,7 +75,7 @@ def _solved(condition: str, x: Floats, a: Point, b: Point) -> Solution | None:
             if closer.nearest is None:
                 return None
             impact, stop = closer.nearest.flight, closer.nearest.stop
-            # The touch moves with the orbit: its distance from the start of the flight is kept.
+            # The touch moves with the orbit: its time from the beginning of the flight is kept.
             touch = closer.nearest.turns + float(x[impact] - closer.x[impact])
     bounded, start = a.equations.bounded(condition, x, impact, touch, stop)
     solution, corrections, _ = bounded.newton(start)
@@ -89,7 +89,7 @@ def _solved(condition: str, x: Floats, a: Point, b: Point) -> Solution | None:
 
 
 def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
-    r"""Return an orbit of the branch that is born at a period doubling, or at a pitchfork of symmetric orbits.
+    r"""Return an orbit on the branch that is born at a period doubling, or at a pitchfork of symmetric orbits.
 
     At a period doubling the orbit, traversed twice, solves the equations of 2n periods and 2p impacts with a singular
     Jacobian; its null vector :math:`\phi` is the direction in which the two rounds separate. The doubled orbit solves
@@ -97,32 +97,32 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
 
     .. math:: \phi \cdot (z - z_0) = \varepsilon,
 
-    and a free parameter, which is regular for :math:`\varepsilon \ne 0` [1]_. A pitchfork is the period doubling of
-    half a cycle and the mirror: the two rounds are the halves of a cycle.
+    and a free parameter, which is regular for :math:`\varepsilon \ne 0` [1]_. A pitchfork is a period doubling of the
+    half map (half a cycle, then the mirror): the two rounds are the two halves of the cycle.
 
     Parameters
     ----------
     point : BifurcationPoint
         Of kind "period_doubling" or "pitchfork".
     amplitude : float, 0 to 0.5
-        Separation :math:`\varepsilon` of the two rounds, in driving periods and relative to the orbit's speed; halved
-        as often as needed.
+        Separation :math:`\varepsilon` of the two rounds, in driving periods and relative to the orbit's speed; it is
+        halved if no orbit is found.
 
     Returns
     -------
     Orbit or SystemOrbit
-        A period-2n impact-2p orbit, at a parameter above or below the point's, wherever the doubled branch is; at a
-        pitchfork an orbit of the same n and p without symmetry, whose `twin` is the other one.
+        A period-2n impact-2p orbit, at a parameter value above or below that of the point, depending on the direction
+        of the doubled branch. At a pitchfork, an asymmetric orbit of the same n and p; the other one is its `twin`.
 
     Raises
     ------
     ValueError
-        `point` is neither, `amplitude` is out of its range, or no doubled orbit is found.
+        `point` is of another kind, `amplitude` is out of its range, or no doubled orbit is found.
 
     Notes
     -----
-    Follow it with `continue_orbit`; its branch ends at the point, where the two rounds coincide. The doubled
-    orbit is stable beyond a supercritical period doubling, unstable before a subcritical one. A few milliseconds.
+    Follow it with `continue_orbit`; its branch ends at the point, where the two rounds coincide. The doubled orbit is
+    stable beyond a supercritical period doubling, unstable before a subcritical one. This takes a few milliseconds.
 
     References
     ----------

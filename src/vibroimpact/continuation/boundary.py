@@ -1,4 +1,4 @@
-"""Follow a fold, a period doubling or a graze as a curve in two parameters, in both directions from a point."""
+"""Follow a bifurcation as a curve in two parameters, in both directions from a point."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from vibroimpact.orbits.sticking_end import KIND, StickingEnd
 from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 
-HALVINGS = 20  # of the step within which the orbits of a boundary become inadmissible
+HALVINGS = 20  # of a step, to locate the onset of inadmissible orbits
 WORST = 1e-10  # residual of a point
-NEAR = 1e-6  # of the orbit's size: a bifurcation that misses its condition by more is none
+NEAR = 1e-6  # relative to the orbit's size: largest residual accepted at the given point
 
 
 class NoBoundary(ValueError):
@@ -49,34 +49,34 @@ def continue_boundary(
 ) -> Boundary:
     r"""Follow a bifurcation of a periodic orbit as a curve in two parameters.
 
-    The orbit's equations and the boundary's own condition hold together,
+    The equations of the orbit are solved together with the condition of the bifurcation,
 
     .. math:: 1 \mp \operatorname{tr} M + \det M = 0 \quad\text{(fold, period doubling)}, \qquad
               u(t_*) = \dot u(t_*) = 0 \quad\text{or}\quad v_i = 0 \quad\text{(grazing)},
 
-    with two parameters free; u is the clearance left, M the Jacobian of the cycle. For systems, a Neimark-Sacker point
+    with two free parameters; u is the clearance and M the Jacobian of the cycle. For systems, a Neimark-Sacker point
     has a complex pair of multipliers with product 1, and a pitchfork a multiplier -1 of the half map.
 
     Parameters
     ----------
     point : BifurcationPoint or StickingEnd
-        Where to begin: from the `special` of a `Branch`, or what `end_of_sticking` found.
+        The point to begin at: one of the `special` points of a `Branch`, or a result of `end_of_sticking`.
     parameters : tuple of two str
         The plane: two different parameters of the orbit's model.
     ranges : tuple of two pairs of float
-        Lowest and highest value of each; the point lies between.
+        Lowest and highest value of each parameter; the point must lie inside.
     step : float, 1e-6 to 0.5
-        Longest step along the curve, where 1 is a whole range, a driving period, or the orbit's speed; along an end of
-        sticking at most 0.02.
+        Longest step along the curve, relative to a whole range, a driving period, or the orbit's speed; at most 0.02
+        along an end of sticking.
     virtual : bool
-        Whether to go on where the orbit on the boundary is inadmissible; otherwise the curve ends there.
+        Whether to continue where the orbit on the boundary is inadmissible; otherwise the curve ends there.
     progress : bool or callable
-        True shows a count; a callable gets (points done, None, None) and stops by returning False.
+        True shows a count; a callable gets (points done, None, None) and stops the computation by returning False.
 
     Returns
     -------
     Boundary
-        `values`, `orbits`, `residuals`, `dataset`, and why it ends, in `outcome` and `message`.
+        With `values`, `orbits`, `residuals`, `dataset`, and the reasons why the curve ends, in `outcome` and `message`.
 
     Raises
     ------
@@ -85,11 +85,12 @@ def continue_boundary(
 
     Notes
     -----
-    Pseudo-arclength continuation with Newton's method at each point. The residual of each point, the larger of the miss
-    of its flights and of its condition relative to the orbit's size, stays below 1e-10; otherwise the curve ends there
-    as "lost". Some milliseconds per point, for systems some ten. A pitchfork is followed in planes that keep the
-    symmetry; a Neimark-Sacker curve ends where its pair becomes real, as "resonance". An end of sticking is no smooth
-    equation: its curve is followed by bisection on small circles, some 10 ms per point.
+    The method is pseudo-arclength continuation [1]_ with Newton's method at each point. The residual of each point (the
+    larger of those of its flights and of its condition, relative to the orbit's size) stays below 1e-10; otherwise the
+    curve ends there as "lost". A point takes a few milliseconds, about ten for systems. A pitchfork can be followed
+    only in planes whose parameters keep the symmetry. A Neimark-Sacker curve ends as "resonance" where its pair of
+    multipliers becomes real. An end of sticking has no smooth equation; its curve is followed by bisection on small
+    circles, about 10 ms per point.
 
     References
     ----------
@@ -117,9 +118,9 @@ def continue_boundary(
 def boundary_through(
     point: BifurcationPoint | StickingEnd, plane: Plane, longest: float, virtual: bool, report: Report, most: int = MOST
 ) -> Boundary:
-    """Return the curve through a point, whatever its kind, in a plane that was checked.
+    """Return the curve of any kind through a point, in a plane already checked.
 
-    Along an end of sticking it ends after `most` points to either side.
+    An end of sticking is followed for at most `most` points to either side.
     """
     walk: Callable[[float], Iterator[Way]]
     if isinstance(point, StickingEnd) or point.kind == KIND:
@@ -144,19 +145,19 @@ def boundary_through(
 
 
 def check_plane(point: Any, parameters: Any, ranges: Any) -> Plane:
-    """Return two parameters and their ranges, checked together with the point that they must hold."""
+    """Return the checked plane of two parameters, whose ranges must include the point."""
     if isinstance(point, StickingEnd) and not point.found:
         raise invalid("point", point.outcome, "an end of sticking that was found", point.message)
     if not isinstance(point, (BifurcationPoint, StickingEnd)):
         raise invalid("point", point, "a BifurcationPoint", "take one from the `special` of a branch")
     if point.orbit.sticks and not point.orbit.oscillator.forgets:
-        hint = "find it again, value by value, with continue_orbit or end_of_sticking"
+        hint = "find it at each value with continue_orbit or end_of_sticking"
         raise invalid("point", point.kind, "a bifurcation of an orbit that never rests, or of one mass", hint)
     return check_box(point.orbit.model, parameters, ranges, point.orbit)
 
 
 def check_box(model: Model, parameters: Any, ranges: Any, orbit: Orbit | None = None) -> Plane:
-    """Return two different parameters of a model and their ranges, which hold an orbit where one is given."""
+    """Return two different parameters of a model and their ranges, which must include an orbit if one is given."""
     names, box = (tuple(pair) if isinstance(pair, (tuple, list)) else () for pair in (parameters, ranges))
     if len(names) != 2:
         raise invalid("parameters", parameters, "two names", "give for example ('omega', 'mass')")
@@ -177,17 +178,17 @@ def _beginning(point: BifurcationPoint, plane: Plane) -> Point:
         equations, x = once.at_graze(x)
     else:  # a pitchfork is the period doubling of half of a cycle
         equations, x = once.bounded(DOUBLING if point.kind == "pitchfork" else point.kind, x)
-    if not np.abs(equations.misses(x)).max() <= NEAR:  # nor NaN, where no flight comes near the stop
+    if not np.abs(equations.misses(x)).max() <= NEAR:  # also rejects NaN, where no flight comes near the stop
         what = f"satisfy the condition of a {bifurcation_name(point.kind)}"
         raise NoBoundary(f"the orbit of `point` does not {what}; take a point from the `special` of a branch")
     solution, corrections, _ = equations.newton(x, equations.tangent(x, np.ones(len(x))))
     if not corrections:
-        raise NoBoundary("Newton's method does not lead from `point` to its boundary; take another point")
+        raise NoBoundary("Newton's method does not converge from `point` to its boundary; take another point")
     return Point(equations, solution, equations.tangent(solution, np.ones(len(solution))))
 
 
 def _walk(first: Point, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
-    """Yield, point by point, one direction of a boundary as far as it has been followed."""
+    """Yield one direction of a boundary as far as it has been followed, after each point."""
     last = replace(first, tangent=direction * first.tangent)
     equations, way, begins_admissible = last.equations, Way([last]), last.admissible
     for number, (point, end) in enumerate(follow(last, longest)):
@@ -202,7 +203,7 @@ def _walk(first: Point, longest: float, virtual: bool, direction: float) -> Iter
                 last.furthest(point, HALVINGS, lambda at: at.admissible and at.residual <= WORST),
                 "inadmissible",
             )
-        if np.abs(point.x - last.x).max() > EDGE:  # nor a start on the edge of the ranges again
+        if np.abs(point.x - last.x).max() > EDGE:  # nor the first point again, if it lies on the edge of the ranges
             way.points.append(point)
         way.end = end or "budget"
         yield way

@@ -23,9 +23,9 @@ from vibroimpact.orbits.sticking_end import KIND, ending
 from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 
-ONE_HALF = 1e-6  # halves of a doubled orbit that differ by less are one orbit
-CLOSEST = 1 / 16  # of the step: orbits nearer to the end of a branch that rests are found, but not kept
-SHARP = 30  # halvings of a step: impacts are apart by more than rounding still
+ONE_HALF = 1e-6  # largest difference between the halves of a doubled orbit that has merged with the simple one
+CLOSEST = 1 / 16  # of the step: orbits closer than this to the end of a resting branch are not kept
+SHARP = 30  # halvings of a step: impacts are still further apart than rounding
 
 
 def continue_orbit(
@@ -37,38 +37,40 @@ def continue_orbit(
     virtual: bool = True,
     progress: bool | Report = False,
 ) -> Branch:
-    r"""Follow a periodic orbit, stable or not, along one parameter, in both directions and through folds.
+    r"""Follow a periodic orbit, stable or unstable, along one parameter, in both directions and through folds.
 
-    The branch is the curve on which all flights come back to their impacts; bifurcations on it are
+    On the branch, every flight ends at the next impact of the orbit. The bifurcations on it are
 
     .. math:: \text{fold: } 1 - \operatorname{tr} M + \det M = 0, \qquad
               \text{period doubling: } 1 + \operatorname{tr} M + \det M = 0,
 
-    with M the Jacobian of the cycle, and grazing, where a flight touches a stop between its ends, or the velocity of
-    an impact passes through zero. For systems, they are det(M - 1) = 0 and det(M + 1) = 0, and there are Neimark-Sacker
-    points, where a complex pair of multipliers leaves the unit circle, and of symmetric orbits pitchforks.
+    with M the Jacobian of the cycle, and grazing, where a flight touches a stop between its ends or the velocity of an
+    impact passes through zero. For systems, the conditions are det(M - 1) = 0 and det(M + 1) = 0; there are also
+    Neimark-Sacker points, where a complex pair of multipliers leaves the unit circle, and pitchforks of symmetric
+    orbits.
 
     Parameters
     ----------
     orbit : Orbit or SystemOrbit
-        Where to begin; one that `find_orbit` or `switch_branch` returned.
+        The orbit to begin with, from `find_orbit` or `switch_branch`.
     parameter : str
-        What to vary: any parameter of the orbit's model, `frequency` (Hz) and the parameters of a family included; of
-        a system `omega`, `frequency`, or the gap or restitution of a stop.
+        The parameter to vary: any parameter of the orbit's model, including `frequency` (Hz) and the parameters of a
+        family; for a system `omega`, `frequency`, or the gap or restitution of a stop.
     range : tuple of two float
-        Its lowest and highest value; the orbit's own lies between.
+        Its lowest and highest value; the orbit's own value must lie between.
     step : float, 1e-6 to 0.5
-        Longest step along the curve, where 1 is the whole range, a driving period, or the orbit's speed.
+        Longest step along the curve, relative to the whole range, a driving period, or the orbit's speed.
     virtual : bool
-        Whether to go on beyond a graze, where orbits are inadmissible but may become admissible again; otherwise the
+        Whether to continue beyond a graze, where orbits are inadmissible but may become admissible again; otherwise the
         branch ends at the graze.
     progress : bool or callable
-        True shows a count; a callable gets (orbits done, None, None) and stops by returning False.
+        True shows a count; a callable gets (orbits done, None, None) and stops the computation by returning False.
 
     Returns
     -------
     Branch
-        `orbits`, `special` (list of `BifurcationPoint`), `dataset`, and why it ends, in `outcome` and `message`.
+        With `orbits`, `special` (list of `BifurcationPoint`), `dataset`, and the reasons why the branch ends, in
+        `outcome` and `message`.
 
     Raises
     ------
@@ -77,28 +79,30 @@ def continue_orbit(
 
     Notes
     -----
-    Pseudo-arclength continuation [1]_ with Newton's method at each point. Special points solve their own equations
-    together with the orbit's, to rounding: about 1e-14 of the parameter where the condition crosses zero at a finite
-    slope. Only admissible ones are listed. A doubled branch ends at the period doubling it comes from. Two events of
-    one kind within a step may be missed: halve `step`. At a graze one multiplier of the orbit that gains an impact
-    tends to infinity [2]_. At r = 0 the graze at which the force begins to hold the mass after an impact is seen in
-    `admissible` alone. Derivatives by turns and velocities are in closed form; the others are central differences,
-    which affects the convergence of Newton's method, not its limit. About a millisecond per orbit and impact, of a
-    system ten with up to 14 coordinates; where contacts of a compliant stop last, those take up to 40, and a special
-    point a second.
+    The method is pseudo-arclength continuation [1]_ with Newton's method at each point. At a special point, the
+    equations of the orbit and the condition of the bifurcation are solved together to rounding: about 1e-14 of the
+    parameter where the condition crosses zero at a finite slope. Only admissible special points are listed. A doubled
+    branch ends at the period doubling it comes from. Two bifurcations of one kind within a step may be missed; if so,
+    halve `step`. At a graze, one multiplier of the orbit that gains an impact tends to infinity [2]_. At r = 0, a graze
+    at which the force begins to hold the mass after an impact shows only in `admissible`. Derivatives with respect to
+    turns and velocities are in closed form, the others are central differences; this affects the rate of convergence of
+    Newton's method, not its limit. An orbit takes about 1 ms per impact, for systems with up to 14 coordinates 10 ms;
+    with long contacts of a compliant stop up to 40 ms, and a special point a second.
 
     An orbit that is its own mirror image half a cycle later is followed with the equations of half a cycle, as long as
     the parameter leaves the system symmetric; a pitchfork is the period doubling of its half map [3]_. Where two stops
-    would be struck at one instant, orbits become inadmissible without a special point. A mode without damping that no
-    impact excites has multipliers on the unit circle, and no Neimark-Sacker point is seen beside it.
+    would be struck at the same instant, orbits become inadmissible without a special point. An undamped mode that no
+    impact excites has multipliers on the unit circle; Neimark-Sacker points are then not detected.
 
-    An orbit that rests at a stop is found again, value by value, in steps that are halved down to neighbouring numbers
-    where the branch ends: in an end of sticking, a fold, or "lost", where it grazes while it still rests. On the way
-    its chatter gains and loses impacts of 1e-9 V. Some 10 ms per orbit of one mass, 20 to 50 of a system.
+    An orbit that rests at a stop is found anew at each value, in steps that are halved down to neighbouring
+    floating-point numbers where the branch ends: at an end of sticking, at a fold, or as "lost" at a graze while it
+    still rests. Along the branch its chatter gains and loses impacts of 1e-9 V. An orbit takes about 10 ms for one
+    mass, 20 to 50 ms for a system.
 
-    At a graze of a compliant stop a contact is born or lost, and the branch goes on with it; it ends where no impact
-    is left. Without damping of the stop multipliers go on, too: the graze is marked, and is no bifurcation. With
-    damping the force jumps at contact, and so do the multipliers at the graze: the branch may turn back there.
+    At a graze of a compliant stop a contact appears or disappears, and the branch continues with or without it; it ends
+    where no impact is left. If the stop is undamped, the multipliers are continuous: the graze is marked but is no
+    bifurcation. If it is damped, the force jumps at contact and the multipliers jump at the graze, where the branch may
+    turn back.
 
     References
     ----------
@@ -154,7 +158,7 @@ def continue_orbit(
 
 
 def _check_orbit(orbit: Any) -> None:
-    """Refuse what is no orbit, or rests at a stop without hitting one."""
+    """Raise `ValueError` unless the argument is an orbit with impacts."""
     if not hasattr(orbit, "check_flies"):
         raise invalid("orbit", orbit, "an Orbit", "give one that find_orbit returned")
     if orbit.n_impacts < 1 and not orbit.sticks:
@@ -163,19 +167,19 @@ def _check_orbit(orbit: Any) -> None:
 
 @dataclass(frozen=True)
 class _Rests:
-    """An orbit of a branch that rests at a stop, perhaps its last one."""
+    """An orbit with a rest on a branch, perhaps its last one."""
 
     orbit: Any
 
     def bifurcation(self, parameter: str) -> BifurcationPoint:
-        """Return the fold or the end of sticking that ends the branch here."""
+        """Return the fold or the end of sticking at which the branch ends."""
         kind, missed = ending(self.orbit)
         phase = self.orbit.release_phase if kind == KIND else math.nan
         return BifurcationPoint(kind, parameter, self.orbit.value(parameter), self.orbit, missed, phase)
 
 
 def _resting(orbit: Any, parameter: str, ends: Range, longest: float, direction: float) -> Iterator[Way]:
-    """Yield, orbit by orbit, a branch that rests at a stop; of those that end it, only the last."""
+    """Yield a branch of orbits with rests after each orbit; of the orbits close to its end only the last."""
     goal, span = ends[direction > 0.0], ends[1] - ends[0]
     way, distance = Way([_Rests(orbit)]), longest * span
     for found in resting_orbits(orbit, parameter, goal, distance):
@@ -193,17 +197,17 @@ def _resting(orbit: Any, parameter: str, ends: Range, longest: float, direction:
 
 
 def _corrected(equations: Equations, x: Floats) -> Floats:
-    """Return the orbit corrected at its own parameter, or refuse one that does not solve its equations."""
+    """Return the orbit corrected at its own parameter; raise `ValueError` if it does not solve its equations."""
     solution, corrections, _ = equations.newton(x, np.eye(len(x))[-1])
     if corrections and np.abs(solution - x).max() < 1e-3:
         return solution
     if np.abs(equations.misses(x)).max() < 1e-9:
-        return x  # at a fold: solved, though the parameter does not fix it
-    raise ValueError("`orbit` does not return to itself; give a periodic orbit that find_orbit returned")
+        return x  # at a fold the equations are singular, but solved
+    raise ValueError("`orbit` is not periodic; give an orbit that find_orbit returned")
 
 
 def _with_orbits(equations: Equations, x: Floats, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
-    """Yield a branch as `walk` does, and make the orbit of each point where its flights are known still."""
+    """Yield a branch as `walk` does, building the orbit of each point while its flights are still cached."""
     number = 0
     for way in walk(equations, x, longest, virtual, direction):
         number += sum(point.orbit is not None for point in way.points[number:])
@@ -213,9 +217,9 @@ def _with_orbits(equations: Equations, x: Floats, longest: float, virtual: bool,
 def walk(
     equations: Equations, x: Floats, longest: float, virtual: bool, direction: float, strides: int = 1
 ) -> Iterator[Way]:
-    """Yield, point by point, a branch as far as it has been followed, down (-1) or up (1) the parameter.
+    """Yield a branch as far as it has been followed, after each point, down (-1) or up (1) the parameter.
 
-    Where no test along it falls by half, steps are up to `strides` times as long.
+    Where no test function falls by half, steps are up to `strides` times as long.
     """
     along = direction * equations.tangent(x, np.eye(len(x))[-1])
     way = Way([Point(equations, x, along)])
@@ -233,7 +237,7 @@ def walk(
 
 
 def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Generator[Way, None, Solution | None]:
-    """Yield, point by point, a branch to its end or to a graze beyond which other equations hold, and return that."""
+    """Yield a branch after each point, to its end or to a graze where the equations change; return that graze."""
     before = way.points[-1]
     equations = before.equations
     for after, end in _dense(before, follow(before, strides * longest), longest):
@@ -277,7 +281,7 @@ def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Gen
 
 
 def _dense(before: Point, steps: Iterable[tuple[Point, str]], longest: float) -> Iterator[tuple[Point, str]]:
-    """Yield the points of a curve as `follow` does, with points between where a longer step nears a bifurcation."""
+    """Yield the points of a curve as `follow` does, with more points where a long step approaches a bifurcation."""
     for after, end in steps:
         for point in [] if end == "lost" else _inside(before, after, longest):
             yield point, ""

@@ -1,7 +1,7 @@
-"""A coarse map of a plane's motions, its class boundaries, and the bifurcation that each of them is.
+"""A coarse map of the motions in a plane, its class boundaries, and the bifurcations that cause them.
 
-The motions are those from rest. An edge between two cells whose motions differ is a class boundary; the motion on one
-side of it is followed across, along the line through both cells' centres, to the bifurcation that ends it.
+The motions are those from rest. A class boundary is an edge between two cells with different motions. The motion on one
+side is followed along the line through the centres of both cells, to the bifurcation at which it ends.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CELLS = 48  # along each parameter
-LEAST = 0.01  # of the cells: a motion that covers more is followed
-NEAR = 1.5  # cells between a class boundary and a curve that reaches it
-STRIDE = 0.25  # of the line between two cells: the longest step along it
+LEAST = 0.01  # of the cells: smallest share of a motion that is followed
+NEAR = 1.5  # in cells: largest distance between a class boundary and a curve that reaches it
+STRIDE = 0.25  # longest step, relative to the distance between two cells
 WINDOW = ImpactWindow(100, 5000)  # of `parameter_map`, whose motions these are
 
 Cell = tuple[int, int]
@@ -45,7 +45,7 @@ Name = tuple[int, int, int]  # MotionClass, n_periods, n_impacts
 
 
 class CellEdge(NamedTuple):
-    """An edge between two cells of different motions, side by side along one parameter (0 or 1)."""
+    """An edge between two cells with different motions, neighbours along one parameter (0 or 1)."""
 
     along: int
     low: Cell
@@ -53,27 +53,27 @@ class CellEdge(NamedTuple):
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Its middle, in cells from the corner of the plane."""
+        """The middle of the edge, in cells from the corner of the plane."""
         (a, b), (c, d) = self.low, self.high
         return 0.5 * (a + c + 1), 0.5 * (b + d + 1)
 
 
 @dataclass
 class Coverage:
-    """The motions of a coarse map, and how much of its class boundaries some curves reach.
+    """The motions of a coarse map, and the share of its class boundaries that curves reach.
 
     Attributes
     ----------
     motions : xarray.Dataset
-        What `classify` makes of the map.
+        The map as `classify` returns it.
     edges : list of CellEdge
         Its class boundaries.
     reached : array of bool
-        Whether each lies within 1.5 cells of a curve.
+        Whether each edge lies within 1.5 cells of a curve.
     lasting : set of int
-        Edges across which the motion of a side goes on, stable: another motion is reached from rest beyond.
+        Edges across which the motion of one side continues, stable, while the motion from rest changes to another one.
     followed : list of (MotionClass, n, p)
-        The motions that cover more than 1 % of the cells and have boundaries to follow, the most frequent first.
+        The motions that cover more than 1 % of the cells and whose boundaries can be followed, the most frequent first.
     """
 
     model: Model
@@ -91,12 +91,12 @@ class Coverage:
         return float(self.reached.mean()) if self.edges else 1.0
 
     def sentences(self, *, finished: bool) -> list[str]:
-        """Return the sentences on the curves, the share of the class boundaries that they reach, and the other ones."""
+        """Return sentences on the curves, the share of the class boundaries that they reach, and the remaining ones."""
         names = listed([motion_name(*name) for name in self.followed]) or "no motion"
         piece = " (of sticking, in one piece)" if any(name[0] == MotionClass.STICKING for name in self.followed) else ""
         map_text = f"a map of {CELLS} x {CELLS} cells, from rest"
-        sentences = [f"followed {names}: what covers more than {100 * LEAST:g} %{piece} of {map_text}"]
-        unseen = "islands smaller than a cell are not seen"
+        sentences = [f"followed {names}: motions that cover more than {100 * LEAST:g} %{piece} of {map_text}"]
+        unseen = "islands smaller than a cell are missed"
         if not self.edges:
             return [*sentences, f"that map has no class boundary, {unseen}"]
         near = f"lie within {NEAR:g} cells of a curve"
@@ -108,9 +108,9 @@ class Coverage:
                 i for i in unreached if i not in self.lasting and not self._followed_cells.isdisjoint(self.edges[i][1:])
             ]
             lasting_share, lost_share = (100 * len(part) / len(self.edges) for part in (lasting, lost))
-            beside = f"across {lasting_share:.0f} % a stable motion goes on beside the one reached from rest"
+            beside = f"at {lasting_share:.0f} % a stable motion continues, but another one is reached from rest"
             ends = f"at {lost_share:.0f} % no curve could be followed" if lost else ""
-            others = "the others are of chaos and of motions that were not followed"
+            others = "the others bound chaos and motions that were not followed"
             sentences.append(", ".join(filter(None, [beside, ends, others])))
         return sentences
 
@@ -122,14 +122,14 @@ class Coverage:
         return [low + (i + 0.5) / CELLS * (high - low) for i, (low, high) in zip(cell, self.plane.box, strict=True)]
 
     def add(self, curve: Boundary) -> None:
-        """Count the class boundaries that a curve reaches."""
+        """Mark the class boundaries that a curve reaches."""
         if self.edges:
             lows, spans = np.array([(low, high - low) for low, high in self.plane.box]).T
             middles = np.array([edge.middle for edge in self.edges])
             self.reached |= distances(middles, (curve.values - lows) / spans * CELLS) <= NEAR
 
     def ends(self, number: int) -> Iterator[BifurcationPoint | StickingEnd]:
-        """Yield the bifurcations at which the followed motions on the sides of an edge end before the other side."""
+        """Yield the bifurcations at which the motions on either side of an edge end before reaching the other side."""
         edge = self.edges[number]
         for inside, beyond in ((edge.low, edge.high), (edge.high, edge.low)):
             if inside in self._followed_cells:
@@ -140,13 +140,13 @@ class Coverage:
                     self.lasting.add(number)
 
     def __post_init__(self) -> None:
-        from scipy.ndimage import label  # takes a sixth of a second, which verdicts need not wait
+        from scipy.ndimage import label  # slow import (0.17 s), not needed by verdicts
 
         least, many = LEAST * len(self.names), Counter(self.names.values()).most_common()
         forgets = self.model.at().forgets
         followed = [name for name, number in many if number > least and _can_end(name, forgets)]
         cells = {cell for cell, name in self.names.items() if name in followed}
-        # Tongues of sticking of ever longer cycles crowd together, and their ends take long to follow.
+        # Tongues of sticking with ever longer cycles accumulate, and their ends are slow to follow.
         for name in (name for name in followed if name[0] == MotionClass.STICKING):
             places = np.zeros((CELLS, CELLS), dtype=bool)
             places[tuple(zip(*(cell for cell in cells if self.names[cell] == name), strict=True))] = True
@@ -157,7 +157,7 @@ class Coverage:
         self.followed = [name for name in followed if any(self.names[cell] == name for cell in cells)]
 
     def _end(self, along: int, inside: Cell, beyond: Cell) -> tuple[BifurcationPoint | StickingEnd | None, bool]:
-        """Return the end of a cell's motion on the way to another cell, and whether it is still there."""
+        """Return the end of a cell's motion on the way to another cell, and whether the motion still exists there."""
         kind, n, p = self.names[inside]
         parameter, model = self.plane.names[along], self.model_at(inside)
         values = self._centre(inside)[along], self._centre(beyond)[along]
@@ -171,7 +171,7 @@ class Coverage:
 
 
 def coverage(model: Model, plane: Plane, report: Report) -> Coverage:
-    """Return the coarse map of a plane with no curve yet; `report` may stop it by returning False."""
+    """Return the coarse map of a plane, without curves; `report` may stop the computation by returning False."""
     centres: dict[str, Any] = {
         name: low + (np.arange(CELLS) + 0.5) / CELLS * (high - low)
         for name, (low, high) in zip(plane.names, plane.box, strict=True)
@@ -206,9 +206,9 @@ def distances(points: Floats, curve: Floats) -> Floats:
 
 
 def _can_end(name: Name, forgets: bool) -> bool:
-    """Whether the end of a motion is a curve that can be followed.
+    """Whether the end of a motion can be followed as a curve.
 
-    That of a rest, and of the steady motion without impacts, only where an impact is the whole state.
+    The end of a motion with rests, or without impacts, only if an impact determines the whole state (one mass).
     """
     kind, n, p = name
     if kind == MotionClass.STICKING:
@@ -217,7 +217,7 @@ def _can_end(name: Name, forgets: bool) -> bool:
 
 
 def _orbit_of(model: Model, n: int, p: int) -> Orbit | None:
-    """Return the cycle that the motion from rest ends on, or None if it is no stable one of that type."""
+    """Return the cycle to which the motion from rest settles; None if it is not a stable one of that type."""
     osc = model.at()
     if not osc.forgets:
         reached = systems.settled(model, n, p, [WINDOW.transient + WINDOW.keep])
@@ -233,7 +233,7 @@ def _orbit_of(model: Model, n: int, p: int) -> Orbit | None:
 
 
 def _end_of_orbit(orbit: Orbit, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
-    """Return the first bifurcation of a stable orbit between two values, and whether it reaches the second."""
+    """Return the first bifurcation of a stable orbit between two values, and whether the orbit exists at the second."""
     begin, end = values
     equations, z = equations_of(orbit, (parameter,), ((min(values), max(values)),))
     for way in walk(equations, equations.pack(z), STRIDE, False, 1.0 if end > begin else -1.0):
@@ -243,8 +243,8 @@ def _end_of_orbit(orbit: Orbit, parameter: str, values: tuple[float, float]) -> 
 
 
 def _touch(model: Model, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
-    """Return the value at which the steady motion without a stop first touches it, and if it is clear at the end."""
-    from scipy.optimize import brentq  # takes as long
+    """Return the value at which the impact-free motion first touches the stop, and whether it is clear at the end."""
+    from scipy.optimize import brentq  # slow import, too
 
     def clearance(value: float) -> float:
         osc = model.at(**{parameter: value})

@@ -1,4 +1,4 @@
-"""The boundaries of a plane of two parameters: of orbits with one impact, and of what a coarse map shows."""
+"""Boundaries in a plane of two parameters: of orbits with one impact, and of the motions on a coarse map."""
 
 from __future__ import annotations
 
@@ -35,23 +35,23 @@ if TYPE_CHECKING:
 
 Bools = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
-USUAL = (1, 2)  # driving periods of the orbits with one impact, and of sticking, that are looked for on lines
-ENOUGH = 200  # points to either side along an end of sticking; each costs as much as ten of other curves
-CRITICAL = 1.0 + 1e-6  # size of a multiplier that is no critical one of a boundary, to which points come to rounding
-SAME = 0.25  # steps: points of one kind and one orbit type nearer than this to a curve are on it
+USUAL = (1, 2)  # driving periods of the one-impact orbits and sticking orbits sought on lines
+ENOUGH = 200  # points to either side along an end of sticking; each takes ten times as long as on other curves
+CRITICAL = 1.0 + 1e-6  # modulus of an unstable multiplier; the critical ones of a boundary are 1 to rounding
+SAME = 0.25  # in steps: a point closer than this to a curve of its kind and orbit type lies on it
 
 
 class Boundaries(list[Boundary]):
-    """The boundaries of a plane, with what was looked for.
+    """The boundaries found in a plane, with a description of the search.
 
     Attributes
     ----------
     message : str
-        What was followed, and how much of the class boundaries of a coarse map the curves reach.
+        The motions followed, and the share of the class boundaries of a coarse map that the curves reach.
     share : float
         The share of that map's class boundaries within 1.5 cells of a curve; NaN where no map was computed.
     motions : xarray.Dataset or None
-        That map, from rest, as `classify` returns it.
+        That map, of motions from rest, as `classify` returns it.
     """
 
     def __init__(self, curves: Iterable[Boundary] = ()) -> None:
@@ -72,57 +72,58 @@ def boundary_curves(
     step: float = 0.01,
     progress: bool | Report = False,
 ) -> Boundaries:
-    r"""Return the curves in a plane of two parameters at which attractors end.
+    r"""Find the curves in a plane of two parameters at which attractors end.
 
-    On lines across the plane, along either parameter, the orbits with one impact, known in closed form, are followed
-    [1]_, and their folds, period doublings and grazes collected, as well as the ends of sticking. Then the motions from
-    rest are computed on a map of 48 x 48 cells, and wherever two neighbouring cells differ and no curve passes within
-    1.5 cells, the motions on both sides are followed to where they end, if they cover more than 1 % of the map. Each
-    end that is on no curve yet is followed through the plane, by the equations of `continue_boundary` and
-    `end_of_sticking`.
+    The search has two parts. First, orbits with one impact, known in closed form [1]_, are followed on lines across the
+    plane along either parameter; their folds, period doublings and grazes are collected, as are ends of sticking.
+    Second, motions from rest are computed on a map of 48 x 48 cells. Wherever two neighbouring cells differ and no
+    curve passes within 1.5 cells, the motions on both sides are followed to their ends, if they cover more than 1 % of
+    the map. Each bifurcation found that is on no curve yet is followed through the plane, by the equations of
+    `continue_boundary` and `end_of_sticking`.
 
     Parameters
     ----------
     osc : ImpactOscillator, ImpactSystem or family
-        The model; its own values of the two parameters do not matter.
+        The model; its own values of the two parameters are not used.
     parameters, ranges
         As of `continue_boundary`.
     n_periods : sequence of int, >= 1, optional
-        Only the boundaries of period-n impact-1 orbits and of period-n sticking for these n, without a map, those of
-        orbits that are unstable on both sides included. None is what the map shows, and n = 1 and 2.
+        Search only for boundaries of period-n impact-1 orbits and of period-n sticking for these n, without a map;
+        boundaries of orbits that are unstable on both sides are included. None searches for n = 1 and 2 and for the
+        motions on the map.
     kinds : sequence of {"fold", "period_doubling", "grazing", "end_of_sticking"}, optional
-        Which boundaries; for systems without the last, and with "neimark_sacker" and "pitchfork". None is all.
+        Kinds of boundaries; systems have no "end_of_sticking" here, but also "neimark_sacker" and "pitchfork". None
+        means all.
     lines : int, >= 2
-        Lines along each parameter, spread evenly, the plane's edges included.
+        Number of lines along each parameter, evenly spaced, including the plane's edges.
     step : float, 1e-6 to 0.5
         As of `continue_boundary`.
     progress : bool or callable
         True shows a bar; a callable gets (lines done, lines in all, curves so far), several times per line, and stops
-        by returning False: the curves finished by then are returned.
+        the search by returning False: the curves finished by then are returned.
 
     Returns
     -------
     Boundaries
-        A list of `Boundary`, as far as their orbits are admissible, each curve once, in the order in which they were
-        found; with a `message` that says what was followed, and the `share` of the map's class boundaries within 1.5
-        cells of a curve.
+        A list of `Boundary`, restricted to admissible orbits, each curve once, in the order found; with a `message`
+        that describes the search, and the `share` of the map's class boundaries within 1.5 cells of a curve.
 
     Raises
     ------
     ValueError
-        Not two different parameters, a range that is empty or out of theirs, an unknown kind, or `lines` below 2.
+        The parameters are not two different ones, a range is empty or not allowed, a kind is unknown, or `lines` is
+        below 2.
 
     Notes
     -----
-    On one side of a curve the motion named is stable and admissible, on the other it is not. A graze at velocity 0 is
-    where the steady motion without impacts first touches the stop. Class boundaries that no curve reaches bound chaos
-    (a crisis), or motions that cover less than 1 % of the map; or both motions exist on both sides, and the one that is
-    reached from rest changes. What covers less than a cell of the map, or is not reached from rest, and crosses none
-    of the lines, is not found. For symmetric systems orbits with an impact in each half of a cycle are also followed
-    from the lines; sticking of systems is not followed, nor are motions without impacts from their maps. The residual
-    of each point is below 1e-10 (1e-7 where an end of sticking meets a graze).
-    15 to 60 s for a plane of the paper, most of it for ends of sticking; a family's function adds its own time, called
-    several times per point.
+    The motion named is stable and admissible on one side of a curve only. At a graze with velocity 0 the impact-free
+    steady motion first touches the stop. A class boundary that no curve reaches bounds chaos (a crisis) or a motion
+    that covers less than 1 % of the map, or both motions exist on both sides and the one reached from rest changes. A
+    motion that covers less than a cell of the map, or is not reached from rest, is found only if it crosses one of the
+    lines. For symmetric systems, orbits with an impact in each half of a cycle are also followed from the lines;
+    sticking of systems is not followed, nor are impact-free motions from their maps. The residual of each point is
+    below 1e-10 (1e-7 where an end of sticking meets a graze). A plane of the paper takes 15 to 60 s, mostly for ends of
+    sticking; the function of a family is called several times per point and adds its own time.
 
     References
     ----------
@@ -186,22 +187,22 @@ def curves_through(
     step: float = 0.01,
     progress: bool | Report = False,
 ) -> Boundaries:
-    """Return the boundaries through given bifurcation points, each curve once, as far as its orbits are admissible.
+    """Follow the boundaries through given bifurcation points, each curve once, as far as its orbits are admissible.
 
     Parameters
     ----------
     points : iterable of BifurcationPoint
-        From the `special` of branches; those on a curve that was followed already are skipped.
+        From the `special` of branches; points on a curve already followed are skipped.
     parameters, ranges, step
         As of `continue_boundary`.
     progress : bool or callable
-        True shows a count; a callable gets (curves done, None, curves so far), several times per curve, and stops by
-        returning False: the curves finished by then are returned.
+        True shows a count; a callable gets (curves done, None, curves so far), several times per curve, and stops the
+        computation by returning False: the curves finished by then are returned.
 
     Returns
     -------
     Boundaries
-        In the order of the points. A point where two boundaries meet begins no curve.
+        In the order of the points. No curve is followed from a point where two boundaries meet.
 
     Raises
     ------
@@ -230,18 +231,18 @@ class _Stopped(Exception):
 
 @dataclass
 class _Search:
-    """The curves of a plane as far as they have been followed.
+    """The curves of a plane followed so far.
 
     Attributes
     ----------
     curves : list of Boundary
-        Where they are collected: the parts of interest.
+        The list in which the parts of interest are collected.
     attractors : bool
-        Whether a curve is of interest only where it bounds a stable orbit, or the steady motion.
+        Whether a curve is of interest only where it bounds a stable orbit or the impact-free steady motion.
     followed : list of Boundary
-        All that were followed, whole.
+        All curves followed, complete.
     map : Coverage or None
-        The map whose class boundaries they shall reach.
+        The map whose class boundaries the curves should reach.
     """
 
     curves: list[Boundary]
@@ -254,11 +255,11 @@ class _Search:
     map: Coverage | None = None
 
     def add(self, point: BifurcationPoint | StickingEnd) -> None:
-        """Follow the curve through a point, unless it is not wanted, lies on a followed one or cannot be followed."""
+        """Follow the curve through a point, unless it is not wanted, lies on a followed curve or cannot be followed."""
         point = without_grazing_impacts(point)
         if point.kind not in self.kinds or self._on_curve(point.kind, [point.orbit] if point.orbit else [])[0]:
             return
-        with suppress(NoBoundary):  # two boundaries meet in the point: another line or edge crosses them separately
+        with suppress(NoBoundary):  # two boundaries meet at the point; another line or edge crosses them separately
             longest, most = self.longest, MOST
             if self.attractors and isinstance(point, StickingEnd):
                 longest, most = 2.0 * longest, ENOUGH
@@ -274,7 +275,7 @@ class _Search:
             self.followed.append(curve)
 
     def cover(self, map: Coverage) -> Iterator[None]:
-        """Follow what ends at the class boundaries of a map that no curve reaches; yield after each row and column."""
+        """Follow the motions at the class boundaries that no curve reaches yet; yield after each row and column."""
         if (map.motions["status"] == Status.INTERRUPTED).any():
             raise _Stopped
         self.map = map
@@ -291,7 +292,7 @@ class _Search:
             yield
 
     def _on_curve(self, kind: str, orbits: Sequence[Orbit]) -> Bools:
-        """Return which orbits are on a curve that was followed already: nearer to it than a part of a step."""
+        """Return which orbits lie on a curve already followed, closer to it than a fraction of a step."""
         on_curve = np.zeros(len(orbits), dtype=bool)
         for curve in self.followed:
             if orbits and (kind, _type(orbits[0])) == (curve.kind, _type(curve.orbits[0])):
@@ -301,7 +302,7 @@ class _Search:
         return on_curve
 
     def _places(self, orbits: Sequence[Orbit], fastest: float) -> Floats:
-        """Return parameters in parts of their ranges, and of what does not stick the hardest impact's velocity."""
+        """Return parameters relative to their ranges and, without sticking, the velocity of the hardest impact."""
         spans = [high - low for low, high in self.plane.box]
         rows = np.array([[orbit.value(name) for name in self.plane.names] for orbit in orbits]) / spans
         if orbits[0].n_impacts == -1 or fastest == 0.0:
@@ -310,7 +311,7 @@ class _Search:
 
 
 def _unstable(kind: str, orbit: Orbit) -> bool:
-    """Whether an orbit on a boundary is stable on neither side: more multipliers than the boundary's are too large."""
+    """Whether an orbit on a boundary is unstable on both sides: it has more unstable multipliers."""
     if kind == "grazing":
         return orbit.spectral_radius >= 1.0 - ROUNDING and max(orbit.velocities) > 0.0
     return max(map(abs, orbit.multipliers)) > CRITICAL
@@ -321,7 +322,7 @@ def _type(orbit: Orbit) -> tuple[int, int]:
 
 
 def _parts(curve: Boundary, again: Bools, unstable: Bools) -> Iterator[Boundary]:
-    """Yield the runs of points of a curve that are neither on another one nor unstable, and why they end."""
+    """Yield the runs of points of a curve that are neither on another curve nor unstable, and why they end."""
     drop = again | unstable
     if not drop.any():
         yield curve
@@ -353,7 +354,7 @@ def _describe(
     possible: Sequence[str],
     finished: bool,
 ) -> None:
-    """Say what was followed, and of which kinds if not of all that are possible."""
+    """Describe which motions were followed, and the kinds of boundaries unless all were sought."""
     sentences = [] if finished else ["stopped before all was followed"]
     if len(kinds) < len(possible):
         sentences += [f"{listed([bifurcation_name(kind) for kind in kinds])} only"]
@@ -361,7 +362,7 @@ def _describe(
         impacts = [1] * (set(kinds) != {"end_of_sticking"}) + [-1] * ("end_of_sticking" in kinds)
         names = listed([cycle_name(n, p) for n in n_periods for p in impacts])
         names += ", and symmetric orbits with an impact in each half," * ("pitchfork" in possible)
-        sentences += [f"looked for {names} on lines across the plane only", "other motions end elsewhere"]
+        sentences += [f"searched for {names} on lines across the plane only", "other motions end elsewhere"]
     elif map is not None:
         curves.share, curves.motions = map.share, map.motions
         sentences += map.sentences(finished=finished)

@@ -1,8 +1,8 @@
-r"""The equations of a cycle with one free parameter, a branch, or with two and a condition more, a boundary.
+r"""The equations of a cycle with one free parameter (a branch), or with two and one more condition (a boundary).
 
-The unknown x holds the impacts of a cycle, for a graze in mid-flight the turns at which it touches, and the free
-parameters as parts of their ranges. The misses of the cycle, and on a boundary one condition more, vanish. One equation
-fewer than unknowns leaves a curve; with as many the point is isolated.
+The unknown x holds the impacts of a cycle, for a graze in mid-flight the turns of the touch, and the free parameters
+relative to their ranges. The equations set the residuals of the cycle to zero and, on a boundary, one more condition.
+With one equation fewer than unknowns the solutions form a curve; with as many, a solution is isolated.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from vibroimpact.orbits.orbit import Orbit, value_of
 BRANCH, FOLD, DOUBLING, TORUS = "branch", "fold", "period_doubling", "neimark_sacker"
 TOUCH, LAST_IMPACT = "touch", "last_impact"
 GRAZING = (TOUCH, LAST_IMPACT)
-STEP = 1e-5  # of an unknown's size: differences are then right to about 1e-10, enough for Newton's method
-CORRECTIONS = 12  # per point, at most
-CLOSE = 1e-9  # the correction after which convergence, which is quadratic, is complete
-FAR = 1e3  # a correction as large leads nowhere
-LEAST = 1e-3  # of the orbit's size: what is smaller does not shorten the differences further
-NUDGE = 1e-6  # of a range: by so much a parameter is moved to see how the equations depend on it
-INSIDE = 1e-6  # turns: a touch nearer to an impact is the impact itself
-REST = 1e-9  # of the orbit's speed: an impact as slow is a graze
+STEP = 1e-5  # step of differences, relative to an unknown's size: accurate to about 1e-10, enough for Newton's method
+CORRECTIONS = 12  # corrections per point, at most
+CLOSE = 1e-9  # correction after which quadratic convergence is complete
+FAR = 1e3  # larger corrections count as divergence
+LEAST = 1e-3  # of the orbit's size: smallest scale used for the step of differences
+NUDGE = 1e-6  # of a range: change of a parameter by which the sensitivity of the equations is estimated
+INSIDE = 1e-6  # turns: a touch closer to an impact counts as the impact itself
+REST = 1e-9  # of the orbit's speed: a slower impact is a graze
 
 Range = tuple[float, float]
 
 
 class Corrected(NamedTuple):
-    """What Newton's method reached, in how many corrections (0: it failed), and the Jacobian before the last."""
+    """The result of Newton's method, the number of corrections (0: it failed), and the Jacobian before the last."""
 
     x: Floats
     corrections: int
@@ -42,20 +42,21 @@ class Corrected(NamedTuple):
 
 
 class Nearest(NamedTuple):
-    """Where an orbit comes closest to a stop between impacts: flight, turns, clearance in parts of its size, stop."""
+    """Closest approach of an orbit to a stop between impacts: flight, turns, clearance relative to its size, stop."""
 
     flight: int
     turns: float
     margin: float
     stop: int = 0
-    beside: float = math.inf  # the least clearance of a stop that is not struck at an impact, in the same parts
+    beside: float = math.inf  # least relative clearance, at an impact, of a stop that is not struck
 
 
 @dataclass(frozen=True, kw_only=True)
 class Equations(ABC):
-    """Equations of a cycle with free parameters.
+    """Base class of the equations of a cycle with free parameters.
 
-    `condition` says which boundary, `impact` which impact or the flight after which, `stop` what that flight touches.
+    `condition` is that of the boundary, `impact` the grazing impact or the one before the grazing flight, `stop` the
+    stop it touches.
     """
 
     model: Model
@@ -69,21 +70,21 @@ class Equations(ABC):
     @property
     @abstractmethod
     def size(self) -> int:
-        """How many of the unknowns are the impacts of the cycle."""
+        """Number of unknowns that describe the impacts of the cycle."""
 
     @property
     @abstractmethod
     def impacts(self) -> int:
-        """How many impacts, whose turns come first, are solved for."""
+        """Number of impacts solved for; their turns are the first unknowns."""
 
     @property
     @abstractmethod
     def length(self) -> float:
-        """Driving periods of the cycle, or of half of one that is mirrored."""
+        """Driving periods of the cycle, or of the half of a mirrored cycle."""
 
     @abstractmethod
     def scaled(self, z: Floats) -> Floats:
-        """Return the unknowns of a solution that are no parameters."""
+        """Return the unknowns of a solution other than parameters."""
 
     @abstractmethod
     def orbit(self, x: Floats) -> Orbit:
@@ -91,23 +92,23 @@ class Equations(ABC):
 
     @abstractmethod
     def possible(self, x: Floats) -> bool:
-        """Whether the flights have a meaning there."""
+        """Whether the flights are defined there."""
 
     @abstractmethod
     def flights(self, x: Floats) -> Floats:
-        """Return by how much flights miss their impacts, in parts of the orbit's size: as many as `size`."""
+        """Return the `size` residuals of the flights at their impacts, relative to the orbit's size."""
 
     @abstractmethod
     def flights_jacobian(self, x: Floats) -> Floats:
-        """Return the derivative of these misses by the impacts, in closed form."""
+        """Return the derivative of these residuals with respect to the impacts, in closed form."""
 
     @abstractmethod
     def conditions(self, x: Floats) -> list[float]:
-        """Return the conditions that vanish on the boundary alone."""
+        """Return the conditions of the boundary, which vanish on it."""
 
     @abstractmethod
     def sizes(self, x: Floats) -> Floats:
-        """Return by how much each unknown must change to change the flights by something of order one."""
+        """Return the change of each unknown that changes the flights by order one."""
 
     @abstractmethod
     def velocities(self, x: Floats) -> Floats:
@@ -115,7 +116,7 @@ class Equations(ABC):
 
     @abstractmethod
     def speeds(self, x: Floats) -> Floats:
-        """Return the velocities of the impacts in parts of the orbit's speed."""
+        """Return the velocities of the impacts relative to the orbit's speed."""
 
     @abstractmethod
     def nearest(self, x: Floats) -> Nearest | None:
@@ -123,15 +124,15 @@ class Equations(ABC):
 
     @abstractmethod
     def tests(self, x: Floats) -> dict[str, float]:
-        """Return the functions that change sign where a multiplier leaves the unit circle, other than at folds."""
+        """Return the test functions that change sign where a multiplier leaves the unit circle, except at folds."""
 
     @abstractmethod
     def halves(self, x: Floats) -> Floats | None:
-        """Return by how much the two halves of a cycle differ; None if it has no halves."""
+        """Return the difference between the two halves of a cycle; None if it has no halves."""
 
     @abstractmethod
     def half(self, x: Floats) -> tuple[Equations, Floats]:
-        """Return the equations of half of a cycle at which such halves separate, and the mean of both."""
+        """Return the equations of the bifurcation at which such halves separate, and the mean of both."""
 
     @abstractmethod
     def twice(self, z: Floats) -> tuple[Equations, Floats]:
@@ -139,40 +140,40 @@ class Equations(ABC):
 
     @property
     def inner(self) -> int:
-        """How many of the unknowns are no parameters."""
+        """Number of unknowns other than parameters."""
         return self.size + (self.condition == TOUCH)
 
     @property
     def kind(self) -> str:
-        """Which bifurcation the condition is."""
+        """The kind of bifurcation of the condition."""
         return "grazing" if self.condition in GRAZING else self.condition
 
     def in_order(self, x: Floats) -> bool:
-        """Whether the impacts follow one another, and the touch is inside its flight."""
+        """Whether the impacts are in the order of time, and the touch is inside its flight."""
         ends = np.append(x[: self.impacts], x[0] + self.length)
         begin, end = ends[self.impact : self.impact + 2]
         inside = self.condition != TOUCH or begin + INSIDE < x[self.inner - 1] < end - INSIDE
         return bool((np.diff(ends) > 0.0).all() and inside)
 
     def fits(self, x: Floats) -> bool:
-        """Whether a solution is of the kind that the condition stands for: a touch is inside its flight."""
+        """Whether a solution is of the kind of the condition: a touch must be inside its flight."""
         return self.condition != TOUCH or self.in_order(x)
 
     def weights(self, x: Floats) -> Floats:
-        """Return the weight of each unknown in the length of a step; the orbit's numbers are relative to the largest.
+        """Return the weight of each unknown in the length of a step; unknowns of the orbit are relative to the largest.
 
-        Turns and parameters count as they are, and so do velocities and states below 1.
+        Turns and parameters have weight 1, and so have velocities and states if all are below 1.
         """
         weights = np.ones(len(x))
         weights[self.impacts : self.size] /= max(1.0, float(np.abs(x[self.impacts : self.size]).max()))
         return weights
 
     def touching(self, x: Floats) -> Nearest | None:
-        """Return the approach to a stop between impacts that is most nearly a touch."""
+        """Return the approach to a stop between impacts that is closest to a touch."""
         return self.nearest(x)
 
     def at_graze(self, x: Floats) -> tuple[Equations, Floats]:
-        """Return the condition of the graze that an orbit is at, and its unknown."""
+        """Return the equations with the condition of the graze of an orbit, and their unknown."""
         impact = int(np.argmin(self.speeds(x)))
         if self.speeds(x)[impact] <= REST:
             return self.bounded(LAST_IMPACT, x, impact)
@@ -180,7 +181,7 @@ class Equations(ABC):
         return self.bounded(TOUCH, x, touch.flight, touch.turns, touch.stop)
 
     def pack(self, z: Floats) -> Floats:
-        """Return the unknown of a solution z of the model at its own values."""
+        """Return the unknown for a solution z of the model at its own parameter values."""
         free = [
             (value_of(self.model, name) - low) / (high - low)
             for name, (low, high) in zip(self.names, self.ranges, strict=True)
@@ -196,25 +197,25 @@ class Equations(ABC):
     def bounded(
         self, condition: str, x: Floats, impact: int = 0, touch: float = 0.0, stop: int = 0
     ) -> tuple[Equations, Floats]:
-        """Return these equations with a condition more, and the unknown of theirs that x is."""
+        """Return these equations with one more condition, and x as their unknown."""
         start = np.concatenate([x[: self.size], [touch] if condition == TOUCH else [], x[self.size :]])
         return replace(self, condition=condition, impact=impact, stop=stop), start
 
     def on_branch(self, x: Floats) -> Floats:
-        """Return the unknown of the branch that a bifurcation lies on."""
+        """Return the unknown of the branch on which a bifurcation lies."""
         return np.concatenate([x[: self.size], x[self.inner :]])
 
     def compliant_at(self, impact: int) -> bool:
-        """Whether an impact is a contact of a compliant stop, which ends before anything else happens."""
+        """Whether an impact is a contact with a compliant stop that ends before any other event."""
         return False
 
     @property
     def soft(self) -> bool:
-        """Whether the condition is a graze of a compliant stop, beyond which the branch goes on."""
+        """Whether the condition is a graze of a compliant stop, beyond which the branch continues."""
         return False
 
     def beyond(self, x: Floats, sign: float) -> tuple[Equations, Floats, Floats] | None:
-        """Return the equations on which a branch goes on beyond a graze, a solution and its tangent, if it does so."""
+        """Return the equations of a branch beyond a graze, a solution and its tangent; None if the branch ends."""
         return None
 
     def touch(self, x: Floats) -> float:
@@ -230,30 +231,30 @@ class Equations(ABC):
         ]
 
     def inside(self, values: list[float]) -> list[float]:
-        """Return the values next to these in the ranges."""
+        """Return the nearest values inside the ranges."""
         return [min(max(value, low), high) for value, (low, high) in zip(values, self.ranges, strict=True)]
 
     def model_at(self, x: Floats) -> Model:
-        """Return the model, its free parameters inside their ranges."""
+        """Return the model, with the free parameters limited to their ranges."""
         return self.model.replace(**dict(zip(self.names, self.inside(self.values(x)), strict=True)))
 
     def distance(self, start: Floats, x: Floats) -> float:
-        """Return the distance of a point of the curve from its first one; whole turns do not count."""
+        """Return the distance of a point of the curve from its first point, up to whole turns."""
         apart = (x - start) * self.weights(start)
         apart[[*range(self.impacts), *([self.size] if self.condition == TOUCH else [])]] -= np.rint(apart[0])
         return float(np.linalg.norm(apart))
 
     def residual(self, x: Floats) -> float:
-        """Return by how much the orbit misses its flights and its own condition, relative to its size."""
+        """Return the residual of the flights and of the condition, relative to the orbit's size."""
         return float(np.abs(self.misses(x)).max())
 
     def misses(self, x: Floats) -> Floats:
-        """Return the residuals, in parts of the orbit's size."""
+        """Return the residuals relative to the orbit's size."""
         flights = self.flights(x)
         return flights if self.condition == BRANCH else np.append(flights, self.conditions(x))
 
     def jacobian(self, x: Floats) -> Floats:
-        """Return the derivative of the misses: of the flights by the impacts in closed form, the rest not."""
+        """Return the derivative of the residuals: of the flights by the impacts in closed form, else by differences."""
         sizes = self.sizes(x)
         matrix = np.zeros((self.size + len(self.conditions(x)), len(x)))
         matrix[: self.size, : self.size] = self.flights_jacobian(x)
@@ -264,7 +265,7 @@ class Equations(ABC):
         return matrix
 
     def _difference(self, x: Floats, j: int, size: float, first: int) -> Floats:
-        """Return the derivative of the misses, those of the flights only if `first` is 0, by one unknown."""
+        """Return the derivative of the residuals by one unknown, without those of the flights unless `first` is 0."""
 
         def misses(value: float) -> Floats:
             moved = x.copy()
@@ -283,7 +284,7 @@ class Equations(ABC):
                 break
             try:
                 misses, jacobian = self.misses(x), self.jacobian(x)
-            except ValueError:  # a family makes no oscillator of values beside these
+            except ValueError:  # the family rejects neighbouring values
                 break
             matrix = jacobian
             if row is not None:

@@ -1,13 +1,14 @@
-r"""The equations of one mass that a branch or a boundary obeys, in scaled unknowns.
+r"""The equations of a branch or a boundary for one mass, in scaled unknowns.
 
-The unknown x holds turns and velocities of the impacts, for a graze in mid-flight the turns at which it touches, and
-the free parameters as parts of their ranges. The misses of the flights, and on a boundary one condition more, vanish:
+The unknown x holds turns and velocities of the impacts, for a graze in mid-flight the turns of the touch, and the free
+parameters relative to their ranges. The equations set the residuals of the flights to zero and, on a boundary, one more
+condition:
 
     fold: 1 - trace + determinant,   period doubling: 1 + trace + determinant,
     grazing: the velocity of one impact, or gap and rate at the touch.
 
-A free parameter may be any of the model's. How the oscillator's numbers depend on the parameters of a family is known
-only from its function, so that their derivatives are central differences.
+A free parameter may be any parameter of the model. A family gives the oscillator's parameters only through its
+function, so derivatives with respect to its parameters are central differences.
 """
 
 from __future__ import annotations
@@ -39,24 +40,24 @@ from vibroimpact.orbits.orbit import Orbit, make_orbit, solution_of
 
 @dataclass(frozen=True, kw_only=True)
 class Flights(Equations):
-    """Equations of a cycle of one mass, whose speeds are compared with `speed` in m/s."""
+    """Equations of a cycle of one mass; `speed` in m/s is the scale of velocities."""
 
     cycle: Cycle
     speed: float
 
     @cached_property
     def oscillator(self) -> ImpactOscillator:
-        """The model's own oscillator, which is where the curve begins."""
+        """The model's own oscillator, at the beginning of the curve."""
         return the_oscillator(self.model)
 
     @property
     def size(self) -> int:
-        """Turns and velocities of all impacts."""
+        """Number of turns and velocities of all impacts."""
         return 2 * self.cycle.n_impacts
 
     @property
     def impacts(self) -> int:
-        """All impacts of the cycle."""
+        """Number of impacts of the cycle."""
         return self.cycle.n_impacts
 
     @property
@@ -65,7 +66,7 @@ class Flights(Equations):
         return self.cycle.n_periods
 
     def scaled(self, z: Floats) -> Floats:
-        """Return turns, and velocities in parts of the speed."""
+        """Return turns, and velocities relative to the speed."""
         p = self.cycle.n_impacts
         return np.concatenate([z[:p], z[p:] / self.speed])
 
@@ -78,7 +79,7 @@ class Flights(Equations):
 
     @cached_property
     def _places(self) -> list[tuple[int, float]] | None:
-        """Which of the oscillator's numbers each free parameter is, and times what; None where it is no such number."""
+        """The oscillator parameter that each free parameter sets, and a factor; None if it sets none directly."""
         if self.model is not self.oscillator:
             return None
         places = {name: (i, 1.0) for i, name in enumerate(self.model.values)}
@@ -86,7 +87,7 @@ class Flights(Equations):
         return [places[name] for name in self.names] if set(self.names) <= set(places) else None
 
     def parameters(self, x: Floats) -> list[float]:
-        """Return the oscillator's numbers; those of a family go on in a straight line beyond the ranges."""
+        """Return the oscillator's parameters; those of a family are extrapolated linearly beyond the ranges."""
         values = self.values(x)
         if self._places is not None:
             numbers = parameters_of(self.oscillator)
@@ -102,7 +103,7 @@ class Flights(Equations):
         return parameters_of(self.model.at(**dict(zip(self.names, values, strict=True))))
 
     def _slopes(self, values: list[float]) -> Floats:
-        """Return the derivatives of the oscillator's numbers by the free parameters, a row for each of these."""
+        """Return the derivatives of the oscillator's parameters by the free parameters, one row per free parameter."""
         rows = []
         for j, (low, high) in enumerate(self.ranges):
             below, above = (max(low, values[j] - NUDGE * (high - low)), min(high, values[j] + NUDGE * (high - low)))
@@ -111,30 +112,30 @@ class Flights(Equations):
         return np.array(rows)
 
     def possible(self, x: Floats) -> bool:
-        """Whether the flights have a meaning: there is a mass, a spring and a driving frequency."""
+        """Whether the flights are defined: mass, stiffness and driving frequency are positive."""
         try:
             m, _, k, _, w, _, _ = self.parameters(x)
-        except ValueError:  # a family makes no oscillator of these values
+        except ValueError:  # the family rejects these values
             return False
         return m > 0.0 and k > 0.0 and w > 0.0
 
     def flights(self, x: Floats) -> Floats:
-        """Return by how much flights miss their impacts, in parts of the speed and of the length that goes with it."""
+        """Return the residuals of the flights, relative to the speed and the length scale that belongs to it."""
         return self.cycle.misses(self.parameters(x), self.solution(x)) / self.scales[0]
 
     @cached_property
     def scales(self) -> tuple[Floats, Floats]:
-        """The sizes of the misses and of turns and velocities."""
+        """The scales of the residuals, and of turns and velocities."""
         return self.cycle.scales(self.oscillator, self.speed)
 
     def conditions(self, x: Floats) -> list[float]:
-        """Return the conditions that vanish on the boundary alone."""
+        """Return the conditions of the boundary, which vanish on it."""
         parameters, z = self.parameters(x), self.solution(x)
         ahead = (self.touch(x) - self.cycle.span(z, self.impact)[0]) * TURN / parameters[4]
         return self._condition(parameters, z, ahead, self.scales[0][0], self.speed)
 
     def _condition(self, parameters: list[float], z: Floats, ahead: float, length: float, speed: float) -> list[float]:
-        """Return the conditions of the boundary alone, in parts of a length and a speed; a touch is `ahead` s away."""
+        """Return the scaled conditions of the boundary; a touch is `ahead` s away."""
         cycle = self.cycle
         if self.condition in (FOLD, DOUBLING):
             trace = cycle.trace(parameters, z)
@@ -148,15 +149,15 @@ class Flights(Equations):
         return []
 
     def flights_jacobian(self, x: Floats) -> Floats:
-        """Return the scaled derivative of the flights' misses by turns and velocities."""
+        """Return the scaled derivative of the flights' residuals with respect to turns and velocities."""
         rows, columns = self.scales
         return self.cycle.jacobian(self.parameters(x), self.solution(x)) * columns / rows[:, None]
 
     def sizes(self, x: Floats) -> Floats:
-        """Return by how much each unknown must change to change the flights by something of order one."""
+        """Return the change of each unknown that changes the flights by order one."""
         m, _, k, f, w, _, g = self.parameters(x)
         p, natural = self.cycle.n_impacts, math.sqrt(k / m)
-        slow = min(1.0, w / (self.cycle.n_periods * natural))  # free turns in a cycle multiply a change of pace
+        slow = min(1.0, w / (self.cycle.n_periods * natural))  # phase errors add up over a cycle
         force = max(abs(f), k * abs(g), LEAST * self.speed * math.sqrt(k * m))
         damping = min(math.sqrt(k * m), m * w / self.cycle.n_periods)
         numbers = [m * slow, damping, k * slow, force, w * slow, 1.0, force / k]
@@ -169,7 +170,7 @@ class Flights(Equations):
         return np.concatenate([turns[:p], speeds, turns[p:], free])
 
     def _steps(self, x: Floats, numbers: list[float]) -> list[float]:
-        """Return by how much each free parameter must change to change one of the oscillator's numbers by as much."""
+        """Return the change of each free parameter that changes an oscillator parameter by that amount."""
         if self._places is not None:
             return [numbers[i] / factor for i, factor in self._places]
         slopes = np.abs(self._slopes(self.inside(self.values(x))))
@@ -178,7 +179,7 @@ class Flights(Equations):
         return steps
 
     def oscillator_at(self, x: Floats) -> ImpactOscillator:
-        """Return the oscillator, its free parameters inside their ranges."""
+        """Return the oscillator, with the free parameters limited to their ranges."""
         osc: ImpactOscillator = self.model_at(x).at()
         return osc
 
@@ -191,7 +192,7 @@ class Flights(Equations):
         return self.solution(x)[self.cycle.n_impacts :]
 
     def speeds(self, x: Floats) -> Floats:
-        """Return them in parts of the speed."""
+        """Return the velocities of the impacts relative to the speed."""
         return self.velocities(x) / self.speed
 
     def nearest(self, x: Floats) -> Nearest | None:
@@ -206,7 +207,7 @@ class Flights(Equations):
         return {DOUBLING: 1.0 + cycle.trace(parameters, self.solution(x)) + cycle.determinant(parameters)}
 
     def residual(self, x: Floats) -> float:
-        """Return by how much the orbit misses its flights and its own condition, relative to its size."""
+        """Return the residual of the flights and of the condition, relative to the orbit's size."""
         osc, z, p = self.oscillator_at(x), self.solution(x), self.cycle.n_impacts
         parameters, size, speed = parameters_of(osc), orbit_size(osc, z), fastest_of(osc, z[p:])
         flights = self.cycle.misses(parameters, z) / np.repeat([size, speed], p)
@@ -215,13 +216,13 @@ class Flights(Equations):
         return max(float(np.abs(flights).max()), *map(abs, condition))
 
     def touching(self, x: Floats) -> Nearest | None:
-        """Return the near-miss whose gap is nearest to zero: on a graze another flight may penetrate the stop."""
+        """Return the near-miss whose gap is closest to zero; at a graze, another flight may penetrate the stop."""
         misses = nearest_misses(self.oscillator, self.cycle, self.solution(x))
         miss = min(misses, key=lambda miss: abs(miss.gap), default=None)
         return None if miss is None else Nearest(miss.flight, miss.turns, miss.gap)
 
     def halves(self, x: Floats) -> Floats | None:
-        """Return by how much the halves of a doubled orbit differ."""
+        """Return the difference between the halves of a doubled orbit."""
         p, n = self.cycle.n_impacts, self.cycle.n_periods
         if p % 2 or n % 2:
             return None

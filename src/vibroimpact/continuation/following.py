@@ -1,8 +1,8 @@
-r"""How the curve is followed that the equations of a branch or a boundary leave.
+r"""Pseudo-arclength continuation of the curve defined by the equations of a branch or a boundary.
 
-A step along the curve leads along its tangent; Newton's method then corrects it on the hyperplane normal to the
-tangent, which passes folds where the parameter turns (H. B. Keller, in Applications of Bifurcation Theory, Academic
-Press (1977) 359-384).
+Each step goes along the tangent of the curve; Newton's method then corrects it on the hyperplane normal to the tangent,
+so the curve can be followed through folds, where the parameter turns back (H. B. Keller, in Applications of Bifurcation
+Theory, Academic Press (1977) 359-384).
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from vibroimpact.progress import Report
 
 SHORTEST = 1e-6  # of the longest step
 STRAIGHT = 0.97  # least cosine between the tangents at two points
-EASY = 3  # corrections up to which the next step may be longer
-GROWTH = 1.5  # of a step after an easy one
-AWAY = 3.0  # longest steps: a curve that has been as far from its first point may close
-EDGE = 1e-12  # of a range: a point as near to an edge is on it, two as near to each other are one
-UNKNOWN: Any = None  # how many points or curves there will be
+EASY = 3  # corrections, at most, before a longer step
+GROWTH = 1.5  # growth of the step after an easy one
+AWAY = 3.0  # in longest steps: distance from the first point after which a curve may close
+EDGE = 1e-12  # of a range: a point this close to an edge lies on it, and two points this close coincide
+UNKNOWN: Any = None  # number of points or curves to come
 MOST_POINTS = 20_000  # of one direction
 
 
 def follow(first: Point, longest: float) -> Iterator[tuple[Point, str]]:
-    """Yield the points of a curve after the first, along its tangent, to the edge of the ranges or back to it.
+    """Yield the points of a curve after the first, along its tangent, to the edge of the ranges or back to the first.
 
-    With each, why no point follows: "range", "closed" or "lost", where it is the last one again; else empty.
+    Each comes with the reason why it is the last, "range", "closed" or "lost" (the last point again), else empty.
     """
     equations, point, step, away = first.equations, first, longest, False
     while True:
@@ -77,7 +77,7 @@ def _to_edge(inside: Point, beyond: Floats, outside: list[int]) -> tuple[Point, 
 
 @dataclass
 class Way:
-    """What was met along one direction of a curve: its points, bifurcations on it, and why it ended or was lost."""
+    """One direction of a curve: its points, the bifurcations on it, and why it ended."""
 
     points: list[Any]
     special: list[Any] = field(default_factory=list)
@@ -86,7 +86,7 @@ class Way:
 
 
 def both_ways(walk: Callable[[float], Iterator[Way]], report: Report) -> list[Way]:
-    """Return the two directions of a curve, -1 and 1 of its tangent; a walk yields its way after each point."""
+    """Return both directions of a curve, along the tangent (1) and against it (-1); a walk yields after each point."""
     ways: list[Way] = []
     done = 0
     for direction in (-1.0, 1.0):
@@ -102,7 +102,7 @@ def both_ways(walk: Callable[[float], Iterator[Way]], report: Report) -> list[Wa
 
 
 def check_range(model: Model, name: Any, ends: Any, orbit: Orbit | None) -> Range:
-    """Return the ends of a range of a parameter of a model, which must hold the value of an orbit if there is one."""
+    """Return the ends of a parameter's range, which must include the value of an orbit if there is one."""
     low, high = check_pair(model, name, "range", ends)
     if not low < high:
         raise invalid("range", (low, high), "a lower number before a higher one")
@@ -112,7 +112,7 @@ def check_range(model: Model, name: Any, ends: Any, orbit: Orbit | None) -> Rang
 
 
 def check_share(name: str, share: Any) -> float:
-    """Return a length that is a share of the ranges, of a driving period and of the orbit's speed."""
+    """Return a step length, relative to the ranges, a driving period and the orbit's speed."""
     allowed = "a number from 1e-6 to 0.5"
     value = real_number(name, share, allowed)
     if not 1e-6 <= value <= 0.5:

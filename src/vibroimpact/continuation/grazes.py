@@ -1,4 +1,4 @@
-"""Beyond a graze of a compliant stop, where a contact is born or lost and the motion goes on."""
+"""Continuation through a graze of a compliant stop, where a contact appears or disappears."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.events import IMPACT, LET_GO, PUSH_AGAIN, Event
 
-BORN = 0.02  # radians of the fastest rate: half of a contact just after a graze
-SHORTENED = 10  # times that contact is halved at most
+BORN = 0.02  # radians of the fastest rate: half the length of a contact just after a graze
+SHORTENED = 10  # halvings of that contact, at most
 
 
 def losing(cycle: Cycle, unknown: Floats, graze: int) -> tuple[Cycle, Floats] | None:
-    """Return a cycle without one of its events, a graze, and its unknown; None if no impact is left to begin with."""
+    """Return a cycle without one of its events, a graze, and its unknown; None if no impact is left."""
     others = [at for at in cycle.impacts if at != graze]
     if not others:
         return None
@@ -30,11 +30,12 @@ def losing(cycle: Cycle, unknown: Floats, graze: int) -> tuple[Cycle, Floats] | 
 def gaining(
     equations: Any, cycle: Cycle, leg: int, stop: int, x: Floats, sign: float
 ) -> tuple[Any, Floats, Floats] | None:
-    """Return equations with a contact, or a pause of one, in place of a graze in mid-leg, a solution and its tangent.
+    """Return equations in which a contact, or a gap in one, replaces a graze in mid-leg; a solution, and its tangent.
 
-    At first its duration grows with the square root of the depth. A stiff stop soon turns the parameter back: the
-    contact is taken so short that it still goes on in the sense of `sign`, if that is possible. With damping the force
-    jumps to c v at its begin, derivatives jump at the graze, and the parameter may turn back there.
+    At first the duration grows with the square root of the depth. With a stiff stop the parameter soon turns back, so
+    the contact is chosen so short that the parameter still continues in the direction `sign`, if possible. With damping
+    the force jumps to c v at the beginning of contact; derivatives jump at the graze, where the parameter may turn
+    back.
     """
     at, touch, rest, flow = leg + 1, float(x[equations.size]), x[equations.size + 1 :], cycle.flow
     pushes = stop in cycle.phases[at]
@@ -57,6 +58,6 @@ def gaining(
 
 
 def _lasting(half: float, k: float, c: float) -> float:
-    """Return the time of the push of a stop that would be pressed in for 2 `half`: k (e t - t^2/2) + c (e - t) = 0."""
+    """Return how long a stop pushes that is pressed in for 2 `half`: k (e t - t^2/2) + c (e - t) = 0."""
     lever = k * half - c
     return (lever + math.sqrt(lever * lever + 2.0 * k * c * half)) / k

@@ -1,4 +1,4 @@
-"""What bounds the orbits with one impact, known in closed form, on a line across a plane of two parameters."""
+"""The bifurcations of orbits with one impact, known in closed form, on a line across a plane of two parameters."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from vibroimpact.orbits.sticking import periods_from_release
 from vibroimpact.orbits.sticking_end import StickingEnd, end_of_sticking
 from vibroimpact.progress import Report
 
-SEEDS = 60  # values along a line at which orbits are looked for
+SEEDS = 60  # values along a line at which orbits are sought
 
 
 class _Seed(NamedTuple):
-    """An orbit with one impact, or one in each half of it: what is struck how, the velocity, and how to make it."""
+    """An orbit with one impact, or one in each half: its type and stops, velocity, and a function that builds it."""
 
     struck: Hashable
     velocity: float
@@ -52,9 +52,9 @@ def _seeds(model: Model, n: int) -> Iterator[_Seed]:
 def points_on_line(
     model: Model, parameter: str, range: Range, n: int, longest: float, look: Report
 ) -> Iterator[BifurcationPoint]:
-    """Yield the special points of the period-n impact-1 orbits along a line, each branch followed once.
+    """Yield the special points of period-n impact-1 orbits along a line, following each branch once.
 
-    For symmetric systems also those of the orbits with an impact in each half of a cycle.
+    For symmetric systems, those of orbits with one impact in each half of a cycle are included.
     """
     covered: dict[Hashable, list[Floats]] = defaultdict(list)
     for value in np.linspace(*range, SEEDS).tolist():
@@ -73,7 +73,7 @@ def points_on_line(
 
 
 def ends_on_line(model: Model, parameter: str, range: Range, n: int, report: Report) -> Iterator[StickingEnd]:
-    """Yield the ends of period-n sticking along a line, as far as neighbouring seeds differ."""
+    """Yield the ends of period-n sticking along a line, between neighbouring seeds that differ."""
 
     def periods(value: float) -> int:
         report(0, UNKNOWN, None)
@@ -90,7 +90,7 @@ def ends_on_line(model: Model, parameter: str, range: Range, n: int, report: Rep
 
 
 def _covered(branch: Floats, value: float, speed: float) -> bool:
-    """Whether an orbit is on a branch already followed: between two of its points, with a velocity between theirs."""
+    """Whether an orbit is on a branch already followed: between two of its points in parameter and velocity."""
     values, speeds = branch.T
     around = np.flatnonzero((values[:-1] - value) * (values[1:] - value) <= 0.0)
     low, high = np.sort([speeds[around], speeds[around + 1]], axis=0)
@@ -99,9 +99,9 @@ def _covered(branch: Floats, value: float, speed: float) -> bool:
 
 
 def without_grazing_impacts(point: BifurcationPoint | StickingEnd) -> BifurcationPoint | StickingEnd:
-    """Return a graze at velocity 0 as that of the orbit without this impact, which may repeat sooner.
+    """Return a graze at velocity 0 as a graze of the orbit without this impact, which may have a shorter cycle.
 
-    An orbit with one impact becomes the steady motion, which repeats after each driving period: it is kept as a
+    An orbit with one impact becomes the steady motion, which repeats every driving period; it is represented as a
     period-1 impact-1 orbit of velocity 0.
     """
     if not isinstance(point, BifurcationPoint) or point.kind != "grazing":

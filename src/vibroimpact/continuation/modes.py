@@ -1,19 +1,20 @@
-r"""The equations for systems of several coordinates and stops that a branch or a boundary obeys, in scaled unknowns.
+r"""The equations of a branch or a boundary for systems of several coordinates and stops, in scaled unknowns.
 
-The unknown x holds the turns of the impacts, the state just before the first one in the scaled modes of the system at
-which the curve begins, for a graze in mid-flight the turns at which it touches, and the free parameters as parts of
-their ranges. Other values of the parameters have modes of their own; as the state is that of one basis, it depends on
-the parameters smoothly even where modes change their order. What vanishes besides the misses of the cycle, with the
-multipliers mu, is
+The unknown x holds the turns of the impacts, the state just before the first impact, in the scaled modes of the system
+at the beginning of the curve, for a graze in mid-flight the turns of the touch, and the free parameters relative to
+their ranges. The modes change with the parameters; since the state refers to one fixed basis, it depends on the
+parameters smoothly even where modes change their order. The conditions besides the residuals of the cycle are, with the
+multipliers mu,
 
     fold: 1 - mu,   period doubling: 1 + mu,   Neimark-Sacker: 1 - mu_i mu_j of a complex pair,
     grazing: the velocity of one impact, or clearance and rate at the touch.
 
-The first three are taken of the multipliers that come nearest, with the sign of the product over all.
+The first three are evaluated for the multipliers that come closest to satisfying them, with the sign of the product
+over all.
 
 An orbit that is its own mirror image half a cycle later has a half map, the flow of half a cycle and then the mirror.
-Its multipliers h make those of the cycle, mu = h^2: at h = 1 symmetric orbits fold, and at h = -1 the half map doubles
-its period, which is a pitchfork, where two asymmetric orbits of one cycle are born, mirror images of each other
+Its multipliers h make those of the cycle, mu = h^2: at h = 1 symmetric orbits fold. At h = -1 the half map doubles its
+period: this is a pitchfork of the cycle, at which two asymmetric orbits are born that are mirror images of each other
 (J. W. Swift and K. Wiesenfeld, Phys. Rev. Lett. 52 (1984) 705-708).
 """
 
@@ -52,15 +53,15 @@ from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.orbit import SystemOrbit, cycle_of, make_orbit
 from vibroimpact.orbits.systems.symmetry import mirror
 
-NOISE = 1e-12  # a test nearer to zero is rounding: that of a mode which nothing damps, for example
-KEPT = 16  # designs whose flights are remembered
+NOISE = 1e-12  # a test closer to zero than this is rounding, for example that of an undamped mode
+KEPT = 16  # designs whose flights are cached
 
 
 @dataclass(frozen=True, kw_only=True)
 class Modes(Equations):
-    """Equations of a cycle of a system; states are `basis` @ the unknown's, of an orbit whose modes are of `scale`.
+    """Equations of a cycle of a system; states are `basis` @ (state in the unknown); `scale` is that of the modes.
 
-    The free parameters change the flights by something of order one over `reach`, in parts of their ranges.
+    A change of the free parameters by `reach`, relative to their ranges, changes the flights by order one.
     """
 
     cycle: Cycle
@@ -70,31 +71,31 @@ class Modes(Equations):
 
     @property
     def size(self) -> int:
-        """Turns of the events and the state before the first."""
+        """Number of turns of the events and components of the state before the first."""
         return len(self.cycle.events) + len(self.basis)
 
     @property
     def impacts(self) -> int:
-        """Events of half a cycle that is mirrored, else all; they include the ends of contacts with compliant stops."""
+        """Number of events of the cycle, or of half of a mirrored cycle, including the ends of compliant contacts."""
         return len(self.cycle.events)
 
     @property
     def length(self) -> float:
-        """Driving periods of the cycle, or of half of one that is mirrored."""
+        """Driving periods of the cycle, or of the half of a mirrored cycle."""
         return self.cycle.length / TURN
 
     @property
     def kind(self) -> str:
-        """Which bifurcation the condition is."""
+        """The kind of bifurcation of the condition."""
         return "pitchfork" if self.condition == DOUBLING and self.cycle.images else super().kind
 
     def scaled(self, z: Floats) -> Floats:
-        """Return turns and scaled state of driving angles and a state in the coordinates."""
+        """Return turns and scaled state from driving angles and a state in the coordinates."""
         p = self.impacts
         return np.concatenate([z[:p] / TURN, np.linalg.solve(self.basis, z[p:])])
 
     def scaled_at(self, unknown: Floats, values: list[float]) -> Floats:
-        """Return turns and scaled state of a cycle's unknown at some values of the parameters."""
+        """Return turns and scaled state from a cycle's unknown at given values of the parameters."""
         p, transform = self.impacts, self._at(values)[1]
         return np.concatenate([unknown[:p] / TURN, np.linalg.solve(transform, unknown[p:])])
 
@@ -108,20 +109,20 @@ class Modes(Equations):
         return replace(self.cycle, flow=flow), transform
 
     def _at(self, values: list[float]) -> tuple[Cycle, Floats]:
-        """Return the cycle at the values in the ranges next to these, and its modes by those of the unknown."""
+        """Return the cycle at the nearest values inside the ranges, and the transformation of its modes."""
         return self._designs(tuple(self.inside(values)))
 
     def solved(self, x: Floats) -> tuple[Cycle, Floats]:
-        """Return the cycle there, and its own unknown."""
+        """Return the cycle at x, and its own unknown."""
         return self._transformed(x)[:2]
 
     def _transformed(self, x: Floats) -> tuple[Cycle, Floats, Floats]:
-        """Return the cycle there, its own unknown, and its modes by those of x."""
+        """Return the cycle at x, its own unknown, and the transformation of its modes."""
         p, (cycle, transform) = self.impacts, self._at(self.values(x))
         return cycle, np.concatenate([TURN * x[:p], transform @ x[p : self.size]]), transform
 
     def possible(self, x: Floats) -> bool:
-        """Whether there is such a system of as many coordinates."""
+        """Whether the system exists with the same number of coordinates."""
         try:
             _, transform = self._at(self.values(x))
         except (ValueError, np.linalg.LinAlgError):
@@ -129,15 +130,15 @@ class Modes(Equations):
         return transform.shape == self.basis.shape
 
     def flights(self, x: Floats) -> Floats:
-        """Return clearances at the impacts and by how much the cycle is open; straight on beyond the ranges."""
+        """Return clearances at the impacts and the closure error, extrapolated linearly beyond the ranges."""
         return self._extended(x, self._misses)
 
     def conditions(self, x: Floats) -> list[float]:
-        """Return the conditions that vanish on the boundary alone."""
+        """Return the conditions of the boundary, which vanish on it."""
         return [] if self.condition == BRANCH else self._extended(x, self._conditions).tolist()
 
     def _extended(self, x: Floats, function: Callable[[Floats], Floats]) -> Floats:
-        """Return the value at the nearest place in the ranges, and on from there along its derivative."""
+        """Return the value at the nearest place in the ranges, extrapolated along its derivative."""
         base = function(x)
         extended, values = base, self.values(x)
         for j, (value, edge, (low, high)) in enumerate(zip(values, self.inside(values), self.ranges, strict=True)):
@@ -148,13 +149,13 @@ class Modes(Equations):
         return extended
 
     def _misses(self, x: Floats) -> Floats:
-        """Return the scaled misses at the nearest values in the ranges."""
+        """Return the scaled residuals at the nearest values in the ranges."""
         p, (cycle, unknown, transform) = self.impacts, self._transformed(x)
         misses = cycle.misses(unknown)
         return np.concatenate([misses[:p] / self.scale, np.linalg.solve(transform, misses[p:])])
 
     def flights_jacobian(self, x: Floats) -> Floats:
-        """Return the derivative of the misses by turns and state."""
+        """Return the derivative of the residuals with respect to turns and state."""
         p, (cycle, unknown, transform) = self.impacts, self._transformed(x)
         matrix = cycle.derivative(unknown)
         matrix = np.hstack([TURN * matrix[:, :p], matrix[:, p:] @ transform])
@@ -175,7 +176,7 @@ class Modes(Equations):
         return np.array([_TESTS[self.condition](cycle.multipliers(unknown))])
 
     def fits(self, x: Floats) -> bool:
-        """Whether a touch is inside its flight, and multipliers whose product is 1 are a complex pair, no real ones."""
+        """Whether a touch is inside its flight, and two multipliers whose product is 1 are a complex pair."""
         if self.condition != TORUS:
             return super().fits(x)
         cycle, unknown = self.solved(x)
@@ -185,7 +186,7 @@ class Modes(Equations):
     def bounded(
         self, condition: str, x: Floats, impact: int = 0, touch: float = 0.0, stop: int = 0
     ) -> tuple[Equations, Floats]:
-        """Return these equations with a condition more; a contact that a compliant stop loses becomes a graze."""
+        """Return these equations with one more condition; a lost contact with a compliant stop becomes a graze."""
         event = self.cycle.events[impact]
         if condition != LAST_IMPACT or not self.compliant_at(impact):
             return super().bounded(condition, x, impact, touch, stop)
@@ -194,26 +195,26 @@ class Modes(Equations):
         return replace(self, cycle=replace(self.cycle, events=events), condition=condition, impact=impact), x
 
     def on_branch(self, x: Floats) -> Floats:
-        """Return the unknown of the branch that a bifurcation lies on: there a graze is a contact without duration."""
+        """Return the unknown of the branch on which a bifurcation lies: a graze is a contact of zero duration there."""
         x, at = super().on_branch(x), self.impact
         return np.insert(x, at + 1, x[at]) if self.soft and self.condition == LAST_IMPACT else x
 
     def compliant_at(self, impact: int) -> bool:
-        """Whether an impact is a contact of a compliant stop, which ends before anything else happens."""
+        """Whether an impact is a contact with a compliant stop that ends before any other event."""
         return self.cycle.events[impact + 1 : impact + 2] == (Event(self.cycle.events[impact].stop, LET_GO),)
 
     @property
     def soft(self) -> bool:
-        """Whether the condition is a graze of a compliant stop, beyond which the branch goes on."""
+        """Whether the condition is a graze of a compliant stop, beyond which the branch continues."""
         compliant = self.cycle.flow.compliant
         if self.condition == TOUCH:
             return bool(compliant[self.stop])
         return self.condition == LAST_IMPACT and self.cycle.events[self.impact].kind == GRAZE
 
     def beyond(self, x: Floats, sign: float) -> tuple[Equations, Floats, Floats] | None:
-        """Return the equations beyond a graze of a compliant stop, a solution and its tangent; None if there are none.
+        """Return the equations beyond a graze of a compliant stop, a solution and its tangent; None if the branch ends.
 
-        A contact is born or lost there. `sign` is the sign in which the parameter goes on.
+        A contact appears or disappears there. `sign` is the direction in which the parameter continues.
         """
         if not self.soft:
             return None
@@ -229,7 +230,7 @@ class Modes(Equations):
         return equations, solution, equations.tangent(solution, sign * np.eye(len(solution))[-1])
 
     def sizes(self, x: Floats) -> Floats:
-        """Return by how much each unknown must change to change the flights by something of order one."""
+        """Return the change of each unknown that changes the flights by order one."""
         p, cycle = self.impacts, self.solved(x)[0]
         slowest = float(np.abs(self.speeds(x)).min())
         turns, states = 1.0 / cycle.fastest, np.full(len(self.basis), min(1.0, max(slowest, LEAST)))
@@ -255,7 +256,7 @@ class Modes(Equations):
         return cycle.velocities(unknown)
 
     def speeds(self, x: Floats) -> Floats:
-        """Return the velocities of the impacts, over the lengths of their stops' directions, in parts of the size."""
+        """Return the relative velocities of the impacts, scaled by the lengths of their stops' directions."""
         cycle, unknown = self.solved(x)
         return cycle.speeds(unknown) / self.scale
 
@@ -265,14 +266,14 @@ class Modes(Equations):
         return Nearest(flight, angle / TURN, margin, stop, beside)
 
     def tests(self, x: Floats) -> dict[str, float]:
-        """Return the tests of period doublings (of pitchforks) and Neimark-Sacker points."""
+        """Return the tests of period doublings (or pitchforks) and Neimark-Sacker points."""
         cycle, unknown = self.solved(x)
         multipliers = cycle.multipliers(unknown)
         values = {condition: _TESTS[condition](multipliers) for condition in (DOUBLING, TORUS)}
         return {condition: value if abs(value) > NOISE else NOISE for condition, value in values.items()}
 
     def halves(self, x: Floats) -> Floats | None:
-        """Return by how much the halves of a cycle differ, or the first and the mirrored second one."""
+        """Return the difference between the halves of a cycle, or between the first and the mirrored second half."""
         half = self._half()
         if half is None:
             return None
@@ -281,7 +282,7 @@ class Modes(Equations):
         return np.append(x[h:p] - x[:h] - half.length / TURN, state / self.scale)
 
     def _half(self) -> Cycle | None:
-        """Return half of the cycle, if it may be the double or the broken symmetry of one."""
+        """Return half of the cycle, if the cycle may have been born at a period doubling or a pitchfork."""
         cycle, p = self.cycle, self.impacts
         first, second = cycle.events[: p // 2], cycle.events[p // 2 :]
         if cycle.images or p % 2:
@@ -316,7 +317,7 @@ class Modes(Equations):
 
 
 def _nearest_zero(values: Sequence[complex] | NDArray[np.complex128]) -> float:
-    """Return the product of the two numbers nearest to zero, with the sign of the product of all, which is real."""
+    """Return the product of the two numbers closest to zero, with the sign of the product of all, which is real."""
     sizes = np.sort(np.abs(values))
     if not np.isfinite(sizes).all() or sizes[0] == 0.0:
         return 0.0 if np.isfinite(sizes).all() else math.inf
@@ -337,13 +338,13 @@ _TESTS: dict[str, Any] = {
 
 
 def images_along(model: Any, names: Sequence[str], ranges: Sequence[Range]) -> tuple[int, ...]:
-    """Return the stop that each one becomes in the mirror, if no parameter alone breaks a model's symmetry."""
+    """Return the mirror image of each stop, if no parameter alone breaks a model's symmetry."""
     images = mirror(model.at())[0]
     for name, (low, high) in zip(names, ranges, strict=True):
         for share in (0.0, 0.31, 1.0) if images else ():
             try:
                 moved = mirror(model.at(**{name: low + share * (high - low)}))[0]
-            except ValueError:  # no system of this value
+            except ValueError:  # the model does not exist at this value
                 continue
             if moved != images:
                 return ()
@@ -353,7 +354,7 @@ def images_along(model: Any, names: Sequence[str], ranges: Sequence[Range]) -> t
 def modes_of(orbit: SystemOrbit, names: tuple[str, ...], ranges: tuple[Range, ...]) -> tuple[Modes, Floats]:
     """Return the equations of an orbit with free parameters, and its driving angles and state.
 
-    A symmetric orbit is followed with those of half a cycle, as long as the parameters leave the symmetry.
+    A symmetric orbit is followed with the equations of half a cycle if the parameters keep the symmetry.
     """
     images = images_along(orbit.model, names, ranges) if orbit.symmetric else ()
     cycle, unknown = cycle_of(orbit)

@@ -1,4 +1,4 @@
-"""Points of a branch or a boundary: solutions of its equations, with the tests that change sign at bifurcations."""
+"""Points of a branch or a boundary: solutions of its equations, with test functions of bifurcations."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Solution:
 
     @cached_property
     def orbit(self) -> Orbit:
-        """The orbit there."""
+        """The orbit at the point."""
         return self.equations.orbit(self.x)
 
     @property
@@ -35,34 +35,34 @@ class Solution:
 
     @cached_property
     def speeds(self) -> Floats:
-        """Velocities of the impacts, in parts of the orbit's speed."""
+        """Velocities of the impacts, relative to the orbit's speed."""
         return self.equations.speeds(self.x)
 
     @cached_property
     def nearest(self) -> Nearest | None:
-        """Where the orbit comes closest to a stop between impacts."""
+        """The closest approach of the orbit to a stop between impacts."""
         return self.equations.nearest(self.x)
 
     @property
     def margin(self) -> float:
-        """The clearance there, in parts of the orbit's size; infinite if there is none."""
+        """The clearance at the closest approach, relative to the orbit's size; infinite if there is none."""
         return self.nearest.margin if self.nearest else math.inf
 
     @property
     def parted(self) -> bool:
-        """Whether no other stop is closed at the instant of an impact."""
+        """Whether all other stops are open at each impact."""
         return self.nearest is None or self.nearest.beside > 0.0
 
     @property
     def admissible(self) -> bool:
-        """Whether the orbit can be; the graze that defines a boundary is allowed."""
+        """Whether the orbit is admissible, apart from the graze that defines a boundary."""
         at_impact = self.equations.condition == LAST_IMPACT
         others = np.delete(self.speeds, self.equations.impact) if at_impact else self.speeds
         return bool((others > 0.0).all() and self.margin >= -ROUNDING and self.parted)
 
     @property
     def kind(self) -> str:
-        """Which bifurcation it is."""
+        """The kind of bifurcation."""
         return self.equations.kind
 
     @property
@@ -72,37 +72,37 @@ class Solution:
 
     @cached_property
     def residual(self) -> float:
-        """By how much the orbit misses its flights and its defining condition, relative to its own size."""
+        """Residual of the orbit's flights and its defining condition, relative to its size."""
         return self.equations.residual(self.x)
 
     @property
     def on_branch(self) -> Floats:
-        """The unknown of the branch that a bifurcation lies on."""
+        """The unknown of the branch on which the bifurcation lies."""
         return self.equations.on_branch(self.x)
 
     def bifurcation(self, parameter: str) -> BifurcationPoint:
-        """Return a bifurcation on a branch as callers see it."""
+        """Return the bifurcation as a public `BifurcationPoint`."""
         return BifurcationPoint(self.kind, parameter, self.value, self.orbit, self.residual, self.touch_phase)
 
 
 @dataclass(frozen=True)
 class Point(Solution):
-    """A point of a branch with its tangent, and the tests along it, which change sign at bifurcations."""
+    """A point of a branch with its tangent, and the test functions, which change sign at bifurcations."""
 
     tangent: Floats
 
     def at(self, x: Floats, jacobian: Floats | None = None) -> Point:
-        """Return another point of the curve, whose tangent leads on as here."""
+        """Return another point of the curve, with its tangent in the same direction."""
         return Point(self.equations, x, self.equations.tangent(x, self.tangent, jacobian))
 
     def middle(self, other: Point) -> Point | None:
-        """Return the point halfway to another, across their chord; None where Newton's method finds none."""
+        """Return the point halfway to another, normal to their chord; None if Newton's method finds none."""
         chord = other.x - self.x
         solution, corrections, jacobian = self.equations.newton(self.x + 0.5 * chord, chord)
         return self.at(solution, jacobian) if corrections else None
 
     def furthest(self, other: Point, halvings: int, holds: Callable[[Point], bool]) -> Point:
-        """Return the last point on the way to another at which something holds that does here."""
+        """Return the last point on the way to another at which a condition holds that is true here."""
         inside, outside = self, other
         for _ in range(halvings):
             middle = inside.middle(outside)
@@ -113,7 +113,7 @@ class Point(Solution):
 
     @cached_property
     def tests(self) -> dict[str, float]:
-        """The test of each condition."""
+        """The test function of each condition."""
         return {
             FOLD: float(self.tangent[-1]),
             LAST_IMPACT: float(self.speeds.min()),
@@ -122,7 +122,7 @@ class Point(Solution):
         }
 
     def nears(self, other: Point) -> bool:
-        """Whether a test is less than half of what it was at another point."""
+        """Whether a test function is less than half its value at another point."""
         return any(
             self.tests[condition] * math.copysign(1.0, before) < 0.5 * abs(before)
             for condition, before in other.tests.items()
@@ -130,5 +130,5 @@ class Point(Solution):
 
     @property
     def clear(self) -> bool:
-        """Whether no flight penetrates a stop and no impact has a velocity away from it."""
+        """Whether no flight penetrates a stop and no impact velocity points away from it."""
         return self.tests[LAST_IMPACT] > 0.0 and self.margin > 0.0 and self.parted

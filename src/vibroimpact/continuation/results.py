@@ -39,33 +39,34 @@ ENDS = {
     "fold": "where it folds",
     "resonance": "where its pair of multipliers becomes real",
     "lost": "where no next orbit is found",
-    "budget": "after the most orbits that are followed",
+    "budget": "at the largest number of orbits followed",
     "stopped": "where it was stopped",
     "unstable": "where its orbit becomes unstable",
     "joined": "where it joins another curve",
 }
-MISS = "miss of the defining condition"
+MISS = "residual of the defining condition"
 KINDS = ("fold", "period_doubling", "grazing", "end_of_sticking", "neimark_sacker", "pitchfork")
 
 
 @dataclass(frozen=True)
 class BifurcationPoint:
-    """A bifurcation: the kind, the parameter and its value, and the orbit there.
+    """A bifurcation: its kind, the parameter and its value, and the orbit at it.
 
     Parameters
     ----------
     kind : {"fold", "period_doubling", "grazing", "end_of_sticking", "neimark_sacker", "pitchfork"}
-        A multiplier is 1; a multiplier is -1; the orbit touches a stop, or one of its impacts has velocity zero; the
-        end of a chatter meets the release; a complex pair of multipliers has modulus 1; a symmetric orbit loses its
-        symmetry to two orbits that are mirror images of each other (a multiplier of the half map is -1).
+        "fold": a multiplier is 1. "period_doubling": a multiplier is -1. "grazing": the orbit touches a stop, or one of
+        its impacts has velocity zero. "end_of_sticking": the end of a chatter meets the release. "neimark_sacker": a
+        complex pair of multipliers has modulus 1. "pitchfork": two asymmetric orbits, mirror images of each other,
+        branch off a symmetric orbit (a multiplier of the half map is -1).
     parameter : str
         The parameter that varied along the branch.
     value : float
-        Its value here.
+        The value of the parameter at the bifurcation.
     orbit : Orbit or SystemOrbit
-        The orbit here.
+        The orbit at the bifurcation.
     residual : float
-        By how much it misses its flights and its defining condition, in parts of its own size.
+        Residual of the orbit's flights and its defining condition, relative to its size.
     touch_phase : float
         Driving phase of the graze, in [0, 1); NaN for other kinds.
     """
@@ -79,7 +80,7 @@ class BifurcationPoint:
 
     @property
     def message(self) -> str:
-        """The point in a sentence."""
+        """The point as a sentence."""
         touch = "" if math.isnan(self.touch_phase) else f" at phase {self.touch_phase:.6g}"
         return (
             f"{bifurcation_name(self.kind)} of the {self.orbit.name} orbit{touch}: {self.parameter} = {self.value:.12g}"
@@ -93,13 +94,13 @@ class Branch(Shown):
     Attributes
     ----------
     parameter : str
-        The one that varies.
+        The parameter that varies.
     orbits : list of Orbit or SystemOrbit
-        Along the branch; the impacts keep their order.
+        The orbits along the branch; all have the impacts in the same order.
     special : list of BifurcationPoint
-        Bifurcations on it, in its order; their orbits are among `orbits`.
+        The bifurcations on the branch, in its order; their orbits are among `orbits`.
     outcome : tuple of two str
-        Why it ends at its first and at its last orbit: "range", "grazing", "inadmissible", "period_doubling",
+        Why the branch ends at its first and at its last orbit: "range", "grazing", "inadmissible", "period_doubling",
         "pitchfork", "closed", "impacts_merge", "end_of_sticking", "fold", "lost", "budget" or "stopped".
     message : str
         The outcome in sentences.
@@ -150,24 +151,24 @@ class Branch(Shown):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Boundary(Shown):
-    """A fold, period-doubling, grazing or end-of-sticking curve in two parameters.
+    """The curve of a bifurcation in two parameters.
 
     Attributes
     ----------
     kind : str
-        As of a `BifurcationPoint`.
+        As in a `BifurcationPoint`.
     parameters : tuple of two str
-        The plane.
+        The parameters of the plane.
     orbits : list of Orbit or SystemOrbit
-        Along the curve, each on the boundary.
+        The orbits along the curve, each at the bifurcation.
     residuals : list of float
-        By how much each misses its flights and its defining condition, in parts of its own size.
+        Residual of each orbit's flights and its defining condition, relative to its size.
     touch_phases : list of float
-        Driving phase of the graze, or of the release that an end of sticking meets; NaN for other kinds.
+        Driving phase of the graze, or of the release at an end of sticking; NaN for other kinds.
     outcome : tuple of two str
-        Why it ends at its first and at its last point: "range", "closed", "inadmissible", "impacts_merge", "lost",
-        "resonance", "budget", "stopped", or, of a part of a curve, "unstable" or "joined" (the rest is on another
-        one).
+        Why the curve ends at its first and at its last point: "range", "closed", "inadmissible", "impacts_merge",
+        "lost", "resonance", "budget", "stopped", or, for a part of a curve, "unstable" or "joined" (the rest lies on
+        another curve).
     message : str
         The outcome in sentences.
     """
@@ -225,16 +226,16 @@ def _along(
 
 
 def kinds_of(model: Model) -> tuple[str, ...]:
-    """Return the kinds of the boundaries of a model's motions.
+    """Return the kinds of boundaries that a model's motions can have.
 
-    The two multipliers of one mass at one stop have a product below 1, and it has no mirror image; the end of a rest is
-    followed where a rest is the whole state.
+    For one mass at one stop, the product of the two multipliers is below 1 and there is no symmetry, which excludes
+    some kinds. An end of sticking is followed only where a rest determines the whole state.
     """
     return KINDS[:4] if model.at().forgets else tuple(kind for kind in KINDS if kind != "end_of_sticking")
 
 
 def course(what: str, orbits: Sequence[Any], names: Sequence[str], ends: tuple[str, str]) -> str:
-    """Return from where to where a branch or a curve leads, and why it ends there."""
+    """Return the two ends of a branch or a curve, and why it ends there, as a sentence."""
     first, last = (", ".join(f"{name} = {orbits[j].value(name):.12g}" for name in names) for j in (0, -1))
     if "closed" in ends:
         return f"a closed {what} through {last}"
@@ -246,9 +247,9 @@ def orbit_variables(orbits: Sequence[Any], p: int, dim: str) -> dict[str, xr.Var
     return {
         "velocity": impact_speed((dim, "impact"), _rows([orbit.velocities for orbit in orbits], p)),
         "phase": variable("phase", (dim, "impact"), _rows([orbit.phases for orbit in orbits], p)),
-        "stable": flags(dim, [orbit.stable for orbit in orbits], "whether neighbours approach", ("unstable", "stable")),
+        "stable": flags(dim, [orbit.stable for orbit in orbits], "whether the orbit is stable", ("unstable", "stable")),
         "admissible": flags(
-            dim, [q.admissible for q in orbits], "whether the mass moves so", ("inadmissible", "admissible")
+            dim, [q.admissible for q in orbits], "whether the orbit is admissible", ("inadmissible", "admissible")
         ),
     }
 

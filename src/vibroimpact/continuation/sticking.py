@@ -1,8 +1,8 @@
-"""The end of sticking as a curve in two parameters, followed by circles about its last point.
+"""The end of sticking as a curve in two parameters, followed on small circles about its last point.
 
-On a small circle about a point of the curve the sticking cycle lives on one arc. Where that arc ends, ahead, lies the
-next point, found by bisection. A curve has corners where a graze lies on it, and turns by almost pi at the tip of a
-tongue, where a straight line across its tangent would miss it.
+On a small circle about a point of the curve, the sticking cycle exists on one arc. The forward end of that arc is the
+next point, found by bisection. The curve has a corner where a graze lies on it, and turns by almost pi at the tip of a
+tongue, where a line normal to its tangent would miss it.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from vibroimpact.orbits.sticking import Stick, from_release, sticking_orbit
 from vibroimpact.orbits.sticking_end import KIND, MET, residual
 from vibroimpact.progress import Report
 
-Place = tuple[float, float]  # in a plane, in parts of its ranges from where its curve begins
+Place = tuple[float, float]  # in a plane, relative to its ranges and to the beginning of the curve
 Path = Callable[[float], Place]
 
-# Radians to either side of the direction so far, tried in turn; the last ones lead back along a tongue, around its tip.
+# Radians to either side of the last direction, tried in turn; the largest ones lead around the tip of a tongue.
 FANS = (0.05, 0.1, 0.2, 0.4, 0.8, 1.4, 2.0, 2.4, 2.8, 3.0, 3.08, 3.12, math.pi)
 LONGEST_STEP = 0.02  # of the ranges: the largest distance between points
-FINEST_STEP = 1 / 1024  # of the step: only so close together may points lie on either side of a corner
-BAND = 0.12  # of the chord between points: how far off it the curve may lie
+FINEST_STEP = 1 / 1024  # of the step: largest distance between points on either side of a corner
+BAND = 0.12  # of the chord between points: largest deviation of the curve from it
 MOST = 2000  # points to either side
-AIM = 1e-2  # of the distance to the end that is expected: so far beside it the cycle is looked at next
+AIM = 1e-2  # of the distance to the expected end: offset from it of the next test
 
 
 @dataclass(frozen=True)
 class CurvePoint:
-    """A point of the curve: the last sticking cycle, on neighbouring numbers beyond which there is none."""
+    """A point of the curve: the last sticking cycle; at the neighbouring floating-point numbers there is none."""
 
     model: Model
     stick: Stick | None
@@ -45,14 +45,14 @@ class CurvePoint:
 
     @cached_property
     def orbit(self) -> Orbit:
-        """The cycle about to be lost; on the last bit its stick may be gone already."""
+        """The last cycle before sticking ends; at the last bit its stick may be lost already."""
         if self.stick and self.stick.periods == self.n_periods:
             return sticking_orbit(self.model, self.stick, Tolerances().chatter)
         return Orbit(self.model.at(), self.n_periods, -1, (), (), (0j, 0j), family=family_of(self.model))
 
     @property
     def residual(self) -> float:
-        """How far the end of the chatter is from the release."""
+        """The distance between the end of the chatter and the release (stuck time / T)^(1/e)."""
         return residual(self.model.at().restitution, self.stick.fraction if self.stick else math.nan)
 
     @property
@@ -63,9 +63,9 @@ class CurvePoint:
 
 @dataclass
 class Sticking:
-    """Where a period-n sticking cycle lives in a plane of two parameters; places count from the model's own values.
+    """The region of a period-n sticking cycle in a plane of two parameters, relative to the model's own values.
 
-    Beyond the edges of the ranges the plane goes on as it is at the edge.
+    Beyond the edges of the ranges, values at the edge are used.
     """
 
     model: Model
@@ -74,14 +74,14 @@ class Sticking:
     n_periods: int
     report: Report
     done: int = field(default=0, init=False)  # points
-    why: str = field(default="", init=False)  # no end was found where sticking stops
+    why: str = field(default="", init=False)  # reason why no end was found
 
     @cached_property
     def _spans(self) -> list[tuple[float, Range]]:
         return [(value_of(self.model, name), ends) for name, ends in zip(self.names, self.ranges, strict=True)]
 
     def inside(self, at: Place) -> Place:
-        """Return the place next to one within the ranges."""
+        """Return the nearest place within the ranges."""
         edges = [((low - origin) / (high - low), (high - origin) / (high - low)) for origin, (low, high) in self._spans]
         x, y = (min(max(z, low), high) for z, (low, high) in zip(at, edges, strict=True))
         return x, y
@@ -92,11 +92,11 @@ class Sticking:
         return [min(max(origin + z * (high - low), low), high) for z, (origin, (low, high)) in pairs]
 
     def model_at(self, at: Place) -> Model:
-        """Return the model there."""
+        """Return the model at a place."""
         return self.model.replace(**dict(zip(self.names, self.values(at), strict=True)))
 
     def stick(self, at: Place) -> Stick | None:
-        """Return the stick that closes a cycle of at most so many periods, or None."""
+        """Return the stick that closes a cycle of at most `n_periods`, or None."""
         self.report(self.done, UNKNOWN, None)
         return from_release(self.model_at(at).at(), self.n_periods)
 
@@ -105,25 +105,25 @@ class Sticking:
         return CurvePoint(self.model_at(at), self.stick(at), self.n_periods)
 
     def stuck(self, at: Place) -> float:
-        """Return the stuck time over T of the cycle, or NaN where it is not there."""
+        """Return the stuck time over T of the cycle; NaN where the cycle does not exist."""
         stick = self.stick(at)
         return stick.fraction if stick and stick.periods == self.n_periods else math.nan
 
     def sticks(self, at: Place) -> bool:
-        """Whether the cycle is there."""
+        """Whether the cycle exists at a place."""
         return not math.isnan(self.stuck(at))
 
     def _level(self, at: Place) -> float:
-        """Return the level that falls linearly to zero at the end of the cycle, or NaN where it is not there."""
+        """Return the level that falls linearly to zero at the end of the cycle; NaN where the cycle does not exist."""
         return residual(self.model_at(at).at().restitution, self.stuck(at))
 
     def end(self, path: Path, out: float, into: float) -> float | None:
-        """Return where on a path the cycle ends, on its side, or None if not by its chatter's end."""
+        """Return the last place on a path with the cycle; None if it ends for another reason than its chatter's end."""
         before, last = (math.nan, math.nan), (into, self._level(path(into)))  # where it sticks
         beside = AIM
         while (middle := 0.5 * (out + into)) not in (out, into) and self.values(path(out)) != self.values(path(into)):
-            # The level falls linearly to zero at the end: look beside that zero, on the inner and the outer side in
-            # turn, and in the middle whenever this is not between.
+            # The level falls linearly to zero at the end: test next to the extrapolated zero, inside and outside in
+            # turn, and in the middle if that is not between.
             away = last[1] * (last[0] - before[0]) / (last[1] - before[1]) if last[1] != before[1] else math.nan
             trial, beside = last[0] - away * (1.0 - beside), -beside
             if not min(out, into) < trial < max(out, into) or not abs(away) < 2.0 * abs(into - out):
@@ -137,14 +137,14 @@ class Sticking:
             return into
         other = self.stick(path(out))
         self.why = (
-            f"the mass comes to rest {self.n_periods - other.periods} periods earlier beyond it"
+            f"beyond it the mass comes to rest earlier, in a cycle of n = {other.periods}"
             if other and other.periods < self.n_periods
             else "its stuck time does not go to zero"
         )
         return None
 
     def crossing(self, path: Path, side: int) -> float | None:
-        """Return the end nearest to 0 on a path with the cycle on the positive (1) or the negative side (-1) of it."""
+        """Return the end closest to 0 on a path, with the cycle on its positive (1) or negative (-1) side."""
         sticks: dict[float, bool] = {}
         for fan in FANS:
             sticks |= {-fan: self.sticks(path(-fan)), fan: self.sticks(path(fan))}
@@ -155,7 +155,7 @@ class Sticking:
         return None
 
     def joined(self, a: Place, b: Place, side: int) -> bool:
-        """Whether the curve runs along the chord between two of its points, not on to another piece of it."""
+        """Whether two points lie on the same piece of the curve: it follows the chord between them."""
         dx, dy, off = b[0] - a[0], b[1] - a[1], side * BAND
         for share in (0.25, 0.5, 0.75):
             x, y = a[0] + share * dx, a[1] + share * dy
@@ -165,13 +165,13 @@ class Sticking:
 
 
 def sticking_curve(sticking: Sticking, longest: float, most: int, side: float) -> Iterator[Way]:
-    """Yield, point by point, the curve through the origin of a plane as far as it has been followed.
+    """Yield the curve through the origin of a plane as far as it has been followed, after each point.
 
     The cycle is to its left (`side` 1) or right (-1). Each point lies on neighbouring floating-point numbers, at most
     `longest` of the ranges from the one before. The curve ends at an edge of the ranges, closed, after `most` points,
-    or lost: where the chatter in an earlier period completes first, for example. A point costs about 45 walks from the
-    release, each of them after a report: some 10 ms at r = 0.8. Residuals are below 1e-10, except near a graze in the
-    flight, where the stuck time changes with infinite slope.
+    or lost, for example where a chatter in an earlier period completes first. A point takes about 45 runs from the
+    release, with a progress report before each: about 10 ms at r = 0.8. Residuals are below 1e-10, except near a graze
+    in the flight, where the stuck time changes with infinite slope.
     """
     start = (0.0, 0.0)
     way, last, heading, step, finest = Way([sticking.point(start)]), start, 0.0, longest, longest * FINEST_STEP
@@ -179,8 +179,8 @@ def sticking_curve(sticking: Sticking, longest: float, most: int, side: float) -
         path = _circle(last, step, heading)
         angle = sticking.crossing(path, int(side))
         place = last if angle is None else path(angle)
-        inside = sticking.inside(place)  # what an edge cuts off goes on straight: it meets the edge at the same value
-        moved = math.dist(inside, last) > EDGE  # a start on the edge is no second point
+        inside = sticking.inside(place)  # values are constant beyond the edge
+        moved = math.dist(inside, last) > EDGE  # a first point on the edge does not count twice
         if angle is None or not (step <= finest or not moved or sticking.joined(last, inside, int(side))):
             if step <= finest:
                 way.end, way.why = "lost", sticking.why

@@ -1,4 +1,4 @@
-"""Windows of a parameter in which a motion is stable: those found by continuation, and those seen in a sweep."""
+"""Parameter windows in which a motion is stable: found by continuation, or seen in a sweep."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ from vibroimpact.progress import Report
 if TYPE_CHECKING:
     import xarray as xr
 
-SAME = 1e-6  # `orbit_distance` between orbits that are one
+SAME = 1e-6  # largest `orbit_distance` between equal orbits
 NEEDED = ("velocity", "count", "status", "n_periods", "n_impacts", "lyapunov_per_impact")
 
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Values of a parameter over which one motion is stable (continuation) or seen (sweep).
+    """An interval of a parameter in which one motion is stable (continuation) or observed (sweep).
 
     Parameters
     ----------
     parameter : str
-        What varies.
+        The parameter that varies.
     n_periods, n_impacts : int
-        Driving periods and impacts of its cycle.
+        Driving periods and impacts in a cycle of the motion.
     low, high : float
-        Ends of the window; in a sweep the first and the last value that show the motion.
+        Ends of the window; in a sweep, the first and the last value with the motion.
     ends : tuple of two str
-        What ends it: "fold", "period_doubling", "grazing", or the outcome of the branch; "grid" in a sweep.
+        Why it ends: "fold", "period_doubling", "grazing", or the outcome of the branch; "grid" in a sweep.
     orbits : tuple of Orbit
-        Along the window, from continuation; empty in a sweep.
+        The orbits along the window, from continuation; empty in a sweep.
     """
 
     parameter: str
@@ -55,11 +55,11 @@ class Window:
 
     @property
     def name(self) -> str:
-        """The motion in two or three words."""
+        """The name of the motion."""
         return cycle_name(self.n_periods, self.n_impacts)
 
     def orbits_at(self, value: float) -> list[Orbit]:
-        """Return the stable orbits that Newton's method reaches at a value from the two nearest ones of the window."""
+        """Return the stable orbits at a value, found by Newton's method from the two nearest orbits of the window."""
         nearest = sorted(self.orbits, key=lambda orbit: abs(orbit.value(self.parameter) - value))
         moved = [_moved(orbit, self.parameter, value) for orbit in nearest[:2]]
         return [orbit for orbit in moved if orbit and orbit.stable]
@@ -78,32 +78,32 @@ def follow_all(
     amplitude: float = 1e-2,
     progress: bool | Report = False,
 ) -> list[Branch]:
-    """Follow each orbit that lies on no branch yet, and the orbits born at period doublings and pitchforks on the way.
+    """Follow each orbit that lies on no branch yet, and the orbits born at its period doublings and pitchforks.
 
     Parameters
     ----------
     orbits : iterable of Orbit or SystemOrbit
-        Where to begin. Orbits that stick are skipped, and, unless `virtual`, inadmissible ones.
+        The orbits to begin with. Orbits that stick are skipped, and, unless `virtual`, inadmissible ones.
     parameter, range, step, virtual, progress
-        As of `continue_orbit`.
+        As in `continue_orbit`.
     longest, most : int, >= 1
-        Largest n_periods and n_impacts of doubled orbits; infinity for any.
+        Largest n_periods and n_impacts of doubled orbits; infinity for no limit.
     doublings : int, >= 0
-        How many period doublings and pitchforks to follow one after another; infinity for as many as `longest` and
-        `most` allow.
+        Number of successive period doublings and pitchforks to follow; infinity for as many as `longest` and `most`
+        allow.
     amplitude : float, 0 to 0.5
-        As of `switch_branch`.
+        As in `switch_branch`.
 
     Returns
     -------
     list of Branch
-        Each branch once, those that begin at `orbits` first, then those born at their period doublings, and so on.
-        Stopped by `progress`, those followed so far.
+        Each branch once: those through `orbits` first, then those born at their period doublings, and so on. If stopped
+        by `progress`, the branches followed so far.
 
     Notes
     -----
-    An orbit born at a fold is on no branch unless one of its type is given. One of the two twins born at a pitchfork
-    is followed. About a tenth of a second per branch.
+    Orbits born at a fold are followed only if an orbit on their branch is given. Of the two twins born at a pitchfork
+    one is followed. A branch takes about 0.1 s.
 
     Examples
     --------
@@ -131,20 +131,20 @@ def follow_all(
 
 
 def _born(branch: Branch, range: tuple[float, float], amplitude: float, kinds: list[str]) -> Iterator[Any]:
-    """Yield an orbit of each branch that is born at a bifurcation of these kinds on this one, inside the range."""
+    """Yield an orbit of each branch born at a bifurcation of these kinds on a branch, inside the range."""
     for point in branch.special:
         if point.kind not in kinds or point.orbit.n_periods < branch.orbits[0].n_periods:
             continue  # a doubled branch ends at the period doubling of the orbit it comes from
         try:
             orbit = switch_branch(point, amplitude=amplitude)
-        except ValueError:  # another boundary meets this one here
+        except ValueError:  # two boundaries meet here
             continue
         if range[0] <= orbit.value(branch.parameter) <= range[1]:
             yield orbit
 
 
 def _lies_on(orbit: Orbit, branch: Branch) -> bool:
-    """Whether Newton's method leads from the branch's next orbits to this one."""
+    """Whether Newton's method converges from the nearest orbits of the branch to this one."""
     first = branch.orbits[0]
     if (first.n_periods, first.n_impacts) != (orbit.n_periods, orbit.n_impacts):
         return False
@@ -157,15 +157,15 @@ def _lies_on(orbit: Orbit, branch: Branch) -> bool:
 
 
 def stable_windows(branches: Branch | Iterable[Branch]) -> list[Window]:
-    r"""Return the windows of the parameter over which the orbits of branches are stable.
+    r"""Return the parameter windows in which the orbits of branches are stable.
 
-    Inside, both Floquet multipliers obey :math:`|\mu| < 1`, and each flight ends at the orbit's next impact. The ends
-    are the branch's folds, period doublings and grazes, accurate to rounding.
+    Inside a window all Floquet multipliers satisfy :math:`|\mu| < 1`, and each flight ends at the orbit's next impact.
+    The ends of the windows are bifurcations of the branch, accurate to rounding, or ends of the branch.
 
     Parameters
     ----------
     branches : Branch or iterable of Branch
-        What `continue_orbit` or `follow_all` returned.
+        Results of `continue_orbit` or `follow_all`.
 
     Returns
     -------
@@ -198,7 +198,7 @@ def _branch_windows(branch: Branch) -> Iterator[Window]:
 
 
 def _with_middles(branch: Branch, special: dict[float, str]) -> list[Orbit]:
-    """Return the branch's orbits, with one between each two special points that follow each other."""
+    """Return the branch's orbits, with one inserted between any two consecutive special points."""
     orbits = [branch.orbits[0]]
     for a, b in pairwise(branch.orbits):
         low, high = sorted((a.value(branch.parameter), b.value(branch.parameter)))
@@ -210,7 +210,7 @@ def _with_middles(branch: Branch, special: dict[float, str]) -> list[Orbit]:
 
 
 def _end(branch: Branch, orbits: list[Orbit], special: dict[float, str], at: int, way: int) -> tuple[float, str]:
-    """Return the end of a run of orbits, and why: a special point on or beside its last one, or with the branch."""
+    """Return the end of a run of orbits and its reason: a special point at or next to the last orbit, or the end."""
     value, beside = orbits[at].value(branch.parameter), at + way
     if value in special:
         return value, special[value]
@@ -218,7 +218,7 @@ def _end(branch: Branch, orbits: list[Orbit], special: dict[float, str], at: int
         end = orbits[beside].value(branch.parameter)
         return end, special.get(end, "lost")
     reason = branch.outcome[0 if way < 0 else 1]
-    if reason == "period_doubling" and branch.special:  # of the orbit it comes from, which is none of its own
+    if reason == "period_doubling" and branch.special:  # a special point of the orbit it comes from, not of this branch
         return branch.special[0 if way < 0 else -1].value, reason
     return value, reason
 
@@ -263,7 +263,7 @@ def swept_windows(sweep: xr.Dataset) -> list[Window]:
 
 
 def _moved(orbit: Orbit, parameter: str, value: float) -> Orbit | None:
-    """Return the orbit at another value of a parameter that Newton's method reaches from this one, or None."""
+    """Return the orbit that Newton's method reaches from this one at another value of a parameter, or None."""
     model = orbit.model.replace(**{parameter: value})
     orbits = find_orbit(model, n_periods=orbit.n_periods, n_impacts=orbit.n_impacts, near=orbit)
     # With one impact all orbits are found, in closed form.

@@ -1,6 +1,6 @@
-"""The explorer: a page that shows the stability map, and the motion at the point that is clicked; and its server.
+"""The explorer and its server: a page with the stability map and the motion at the point clicked.
 
-Pages are served on loopback, with nothing loaded from elsewhere.
+By default pages are served on loopback only; nothing is loaded from elsewhere.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Explorer", "View", "explore"]
 
-PORTS = range(5006, 5026)  # tried in turn unless a port is given
+PORTS = range(5006, 5026)  # tried in order unless a port is given
 
 
 def __getattr__(name: str) -> Any:
@@ -48,21 +48,22 @@ def explore(
     host: str = "127.0.0.1",
     browser: bool = True,
 ) -> None:
-    """Serve the explorer until Ctrl-C: a page with the stability map and the motion at the point that is clicked.
+    """Serve the explorer until Ctrl-C: a page with the stability map and the motion at the point clicked.
 
     Parameters
     ----------
     store : path, optional
         A stored sweep over two or more parameters to show first: a `.zarr` folder or an `.nc` file.
     model : ImpactOscillator, ImpactSystem or family, optional
-        What to show first, in place of one mass with one stop; with `store`, what that was made from, which is needed
-        of a family of one's own.
+        The model to show first; the default is one mass with one stop. With `store`, the model of the stored sweep,
+        which is required if it is your own family.
     name : str
-        What links call the model; `str(model)` unless given.
+        The name of the model in links; `str(model)` by default.
     port : int, 0 to 65535, optional
-        The port to listen on; None is the first free one from 5006, 0 any free one.
+        The port to listen on; None means the first free port from 5006, 0 any free port.
     host : str
-        The address to listen on. Any address but this machine's own lets others on the network in; a warning says so.
+        The address to listen on. With an address that is not local to this machine, others on the network have access;
+        a warning says so.
     browser : bool
         Whether to open the page in the browser.
 
@@ -75,7 +76,7 @@ def explore(
 
     Notes
     -----
-    Nothing is loaded from the internet. Pages share the machine's cores; at most 64 may be open. See
+    Nothing is loaded from the internet. All pages share the machine's cores; at most 64 pages can be open. See
     docs/guide/explorer.md.
     """
     with contextlib.suppress(KeyboardInterrupt):
@@ -103,7 +104,7 @@ def make_server(
     host: str = "127.0.0.1",
     framed: bool = False,
 ) -> tuple[Server, str]:
-    """Return a server that listens in the loop that runs, and its address. Notebooks may frame its page if `framed`."""
+    """Return a server that listens in the running loop, and its address; notebooks may frame its page if `framed`."""
     if importlib.util.find_spec("tornado") is None:
         raise MissingExtra(f"the explorer needs Tornado, which is not installed; {to_install('web')} installs it")
     from vibroimpact.explorer.address import PRESETS
@@ -138,7 +139,7 @@ def make_server(
 
 
 def is_loopback(address: str) -> bool:
-    """Whether only this machine reaches an address."""
+    """Whether an address can be reached only from this machine."""
     return ipaddress.ip_address(address).is_loopback
 
 
@@ -159,7 +160,7 @@ def check_host(host: str) -> str:
 
 
 def origins(address: str, port: int) -> list[str]:
-    """Return the pages whose scripts may talk to the server: its own, under each of its names."""
+    """Return the origins whose scripts may connect to the server: its own pages, under each of its names."""
     names = {"localhost", "127.0.0.1", address}
     if not is_loopback(address):
         names |= {socket.gethostname(), socket.getfqdn()}
@@ -169,7 +170,7 @@ def origins(address: str, port: int) -> list[str]:
 
 
 def _check_free(address: str, port: int) -> None:
-    """Raise `OSError` if the server cannot listen on a port; tornado would leave its socket open."""
+    """Raise `OSError` if the server cannot listen on a port; Tornado itself would leave its socket open."""
     with socket.socket() as probe:
         if sys.platform != "win32":
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

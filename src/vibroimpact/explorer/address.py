@@ -1,4 +1,4 @@
-"""Views to begin with: those of web addresses, and cases as assets/cases.toml has them (the paper's, four machines)."""
+"""Initial views: from web addresses, and the cases of assets/cases.toml (the paper's, four machines)."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from vibroimpact.parameters import Parameter, hertz, invalid, unknown
 
 LONGEST = 2000  # characters
 MOST = 40  # entries
-KEYS = ("model", "x", "y", *(choice.key for choice in CHOICES.values()), "start", "pin")  # beside the parameters
+KEYS = ("model", "x", "y", *(choice.key for choice in CHOICES.values()), "start", "pin")  # besides the parameters
 
 
 def keys(parameters: dict[str, Parameter]) -> dict[str, str]:
-    """Return names of a model's parameters by their keys in an address: symbols where they serve."""
+    """Return the names of a model's parameters by their keys in an address: symbols if they are suitable."""
     symbols = [parameter.symbol for parameter in parameters.values()]
     names = {}
     for name, parameter in parameters.items():
@@ -33,7 +33,7 @@ def keys(parameters: dict[str, Parameter]) -> dict[str, str]:
 
 
 def to_query(view: View) -> str:
-    """Return the view as the query of a web address; all parameters, and what differs from the default.
+    """Return the view as the query of a web address: all parameters, and settings that differ from the default.
 
     Examples
     --------
@@ -58,9 +58,9 @@ def to_query(view: View) -> str:
 
 
 def from_query(query: str, find: Find = find_ready_made) -> View:
-    """Return the view that the query of a web address describes; of a repeated entry other than `pin` the last counts.
+    """Return the view of a web address's query; if an entry other than `pin` is repeated, the last one counts.
 
-    `find` returns the model of a name; no file is run for a link.
+    `find` returns the model of a name; links never cause a file to be run.
 
     Raises
     ------
@@ -139,7 +139,7 @@ def _float(name: str, text: str) -> float:
 
 
 def _number(value: float) -> str:
-    """Return the shortest text that reads as this double."""
+    """Return the shortest text that parses to this double."""
     return repr(value).removesuffix(".0")
 
 
@@ -152,7 +152,7 @@ def _numbers(values: Iterable[float]) -> str:
 
 @dataclass(frozen=True)
 class Preset:
-    """A case: its view, how far its sliders reach, where its numbers come from, and what a rigid stop idealises."""
+    """A case: its view, the ranges of its sliders, the source of its numbers, and the idealisations of its model."""
 
     name: str
     title: str
@@ -185,7 +185,7 @@ BY_NAME = {preset.name: preset for preset in PRESETS}
 
 
 def case_of(view: View) -> Preset | None:
-    """Return the case that a view began with, or shows as it is."""
+    """Return the case from which a view began, or whose view it is."""
     if view.model:
         return None
     same = (preset for preset in PRESETS if _content(preset.view) == _content(view))
@@ -193,16 +193,16 @@ def case_of(view: View) -> Preset | None:
 
 
 def ranges_for(view: View) -> dict[str, Range]:
-    """Return the range of each slider: its case's, widened to hold the view's point and plane.
+    """Return the range of each slider: that of the case, widened to include the view's point and plane.
 
-    For one mass without a case, those of the one whose sliders hold the point best: the most parameters, the first of
-    equals. Of other models such as suit the values.
+    For one mass without a case, the ranges are those of the case whose sliders include the most parameters of the point
+    (the first of equals). For other models they are derived from the values.
     """
     values = view.values
     of_mass = view.osc.values
 
     def fitting(preset: Preset) -> int:
-        """Return how many parameters the sliders of a case hold."""
+        """Return how many parameters lie within the sliders of a case."""
         return sum(low <= of_mass[name] <= high for name, (low, high) in preset.ranges.items())
 
     ranges = {name: usual_range(parameter, values[name], view.system) for name, parameter in view.table.items()}

@@ -1,4 +1,4 @@
-"""The controls: what a person asks for by menus, buttons, keys and fields, and how they show what the session has."""
+"""The controls: menus, buttons, keys and fields, their commands, and the state of the session that they show."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from vibroimpact.explorer.state import CHOICES, index_label, parameter_label, ro
 from vibroimpact.figures import MOTION
 from vibroimpact.indices import INDICES
 
-MOST_OTHERS = 12  # offered as initial conditions
-TICKS = ("hertz", "log", "worst", "boundaries", "settled")  # choices that are made or not
-MENUS = ("index", "samples", "line", "coordinate", "stop")  # choices among several
-NUDGE = 1.0 / 64.0  # of the plane, per arrow key
+MOST_OTHERS = 12  # coexisting motions offered as initial conditions
+TICKS = ("hertz", "log", "worst", "boundaries", "settled")  # choices between on and off
+MENUS = ("index", "samples", "line", "coordinate", "stop")  # choices among several values
+NUDGE = 1.0 / 64.0  # share of the plane per press of an arrow key
 ZOOM = 0.5
-DECADES = 100.0  # end over end from which a slider is logarithmic
+DECADES = 100.0  # ratio of the ends from which a slider is logarithmic
 EXPORTS = (
     ("Picture (.png)", "png"), ("Plane's data (.nc)", "nc"), ("Point's motion (.csv)", "csv"),
     ("Study file (.toml)", "toml"), ("Python lines (.py)", "py"),
@@ -33,18 +33,18 @@ _ABOUT = (
     "<p>Click a point of the plane to see its motion. Drag to move, scroll to zoom. Choose a case above; Help explains "
     "terms and keys.{}</p>"
 )
-_OF_SEVERAL = " Colours speak of all stops together; plots show one displacement, and as walls the stops in its way."
+_OF_SEVERAL = " Colours refer to all stops together; plots show one displacement and the stops that act on it."
 
 
 class Menu(NamedTuple):
-    """What a menu offers, as values and their labels, and the value chosen."""
+    """The entries of a menu, as values and labels, and the value chosen."""
 
     options: list[tuple[str, str]]
     value: str
 
 
 class Controls:
-    """What the menus of a page offer, and the ranges of its sliders.
+    """The entries of a page's menus, and the ranges of its sliders.
 
     Parameters
     ----------
@@ -58,10 +58,10 @@ class Controls:
         self._models = [model] * (model not in ("", *models.__all__)) + list(models.__all__)
         self.fit()
 
-    # ---- what a person did
+    # ---- user actions
 
     def choose(self, name: str, value: str) -> None:
-        """Take an entry of a menu; the view is sent again, for a menu whose entry was refused."""
+        """Apply the chosen entry of a menu; the view is sent again so that a refused entry is reset."""
         if name in ("x", "y"):
             self._choose_axis(name, value)
         elif name == "case":
@@ -77,7 +77,7 @@ class Controls:
         if name not in view.table:
             return
         x, y = (name, view.y) if axis == "x" else (view.x, name)
-        if x == y:  # the other axis takes the place of the one chosen
+        if x == y:  # the axes exchange their parameters
             x, y = view.y, view.x
         self.explorer.set_axes(x, y, self.axis_range(x), self.axis_range(y))
 
@@ -100,26 +100,26 @@ class Controls:
         self.explorer.set(x_range=self.axis_range(view.x), y_range=self.axis_range(view.y))
 
     def axis_range(self, name: str) -> Range:
-        """Return the range of a parameter along an axis: its slider's, without a zero that is not allowed."""
+        """Return the range of a parameter along an axis: that of its slider, without zero if zero is not allowed."""
         return allowed_range(self.explorer.view.table[name], self.ranges[name])
 
-    # ---- what the session answers
+    # ---- answers of the session
 
     def fit(self) -> None:
-        """Let the sliders reach as far as suits the view."""
+        """Fit the ranges of the sliders to the view."""
         self._case, self._ranges = case_of(self.explorer.view), ranges_for(self.explorer.view)
-        self._reach: dict[str, Range] = {}  # of sliders, lately
+        self._reach: dict[str, Range] = {}  # recent slider ranges
 
     @property
     def ranges(self) -> dict[str, Range]:
-        """How far sliders reach: fitted anew where the view is of another case or model."""
+        """The ranges of the sliders, fitted anew if the case or model of the view has changed."""
         view = self.explorer.view
         if case_of(view) != self._case or list(self._ranges) != list(view.table):
             self.fit()
         return self._ranges
 
     def menus(self) -> dict[str, Menu]:
-        """Return every menu; those that offer no choice are empty."""
+        """Return all menus; a menu without a choice is empty."""
         view = self.explorer.view
         names = [(name, parameter_label(parameter, units=False)) for name, parameter in view.table.items()]
         coordinates, names_of_stops = range(1, view.system.coordinates + 1), view.system.stop_names
@@ -142,7 +142,7 @@ class Controls:
 
     @property
     def _several(self) -> bool:
-        """Whether there are coordinates or stops to choose from."""
+        """Whether there are several coordinates or stops to choose from."""
         system = self.explorer.view.system
         return bool(system.coordinates + len(system.stops) > 2)
 
@@ -154,7 +154,7 @@ class Controls:
         return Menu(cases, f"model:{view.model}" if view.model else case.name if case else "")
 
     def _starts(self) -> Menu:
-        """Offer the motions that coexist as initial conditions of the point's motion."""
+        """Return the menu of initial conditions, which includes the coexisting motions."""
         start = self.explorer.view.start
         options, chosen = [("rest", "at rest")], "rest"
         for at, other in enumerate(self.explorer.others[:MOST_OTHERS]):
@@ -166,25 +166,25 @@ class Controls:
         return Menu(options, chosen)
 
     def about(self) -> str:
-        """Return the source of a case's numbers; else what to do, and what is shown of several."""
+        """Return the source of a case's numbers; without a case, instructions, and notes on systems."""
         case = case_of(self.explorer.view)
         if case is not None:
             return f"<p><b>{case.title}.</b> {case.source}</p><p><b>Idealised:</b> {case.idealised}</p>"
         return _ABOUT.format(_OF_SEVERAL if self._several else "")
 
     def rows(self) -> dict[str, tuple[float, float, float]]:
-        """Return every parameter as it is now, and the ends of its slider."""
+        """Return the present value of every parameter, and the ends of its slider."""
         rows = {}
         for name, value in self.explorer.view.values.items():
             low, high = self.ranges[name]
-            if not low <= value <= high:  # ends that made room for a value stay as long as one is beyond its range
+            if not low <= value <= high:  # ends extended for a value are kept as long as a value is beyond the range
                 low, high = self._reach.get(name, (low, high))
             self._reach[name] = min(low, value), max(high, value)
             rows[name] = (value, *self._reach[name])
         return rows
 
     def labels(self) -> list[tuple[str, str, bool]]:
-        """Return the parameters in order: their names, labels with units, and whether sliders are logarithmic."""
+        """Return name, label with unit, and whether the slider is logarithmic, for each parameter in order."""
         table = self.explorer.view.table
         return [(name, parameter_label(parameter), self.logarithmic(name)) for name, parameter in table.items()]
 
@@ -195,21 +195,21 @@ class Controls:
 
 
 def _index_options() -> list[tuple[str, str]]:
-    """Return names and labels of what the plane can show."""
+    """Return names and labels of the indices that the plane can show."""
     return [(MOTION, "motion"), *((index.name, index_label(index)) for index in INDICES.values())]
 
 
 class Commands:
-    """Runs the commands of the page's script: a name, its arguments, and the message's serial number.
+    """Runs commands from the page's script: a name, arguments, and the serial number of the message.
 
     Parameters
     ----------
     explorer : Explorer
         The session.
     controls : Controls
-        They hold the range of each parameter.
+        The controls, which hold the range of each parameter.
     export : callable
-        Gets the kind of file that is asked for.
+        Called with the kind of file requested.
     """
 
     def __init__(self, explorer: Explorer, controls: Controls, export: Callable[[str], Any]) -> None:
@@ -240,7 +240,7 @@ class Commands:
         self._named: dict[str, Callable[[str, str], Any]] = {"slide": self._slide, "type": explorer.set_parameter}
 
     def run(self, text: str) -> None:
-        """Do what a message says; one that the page's own script does not send is ignored."""
+        """Run the command of a message; messages that the page's own script does not send are ignored."""
         command, *arguments, serial = text.split(" ") if " " in text else (text, "-1")
         with contextlib.suppress(ValueError, TypeError):
             self.last = int(serial)
@@ -256,7 +256,7 @@ class Commands:
                 self._named[command](arguments[0], " ".join(arguments[1:]))
 
     def _slide(self, name: str, text: str) -> None:
-        """Take a slider's place, with no more digits than its steps distinguish."""
+        """Apply a slider's position, with no more digits than its steps distinguish."""
         value, (low, high) = float(text), self._controls.ranges[name]
         low, high = min(low, value), max(high, value)
         kept = float(f"{value:.4g}") if self._controls.logarithmic(name) else rounded(value, (low, high))
@@ -278,7 +278,7 @@ class Commands:
         )
 
     def _scale(self, factor: float) -> None:
-        """Zoom about the point, or about the middle where the point lies outside."""
+        """Zoom about the point, or about the centre if the point is outside."""
         view, ranges = self._explorer.view, []
         for axis in ("x", "y"):
             low, high = getattr(view, f"{axis}_range")

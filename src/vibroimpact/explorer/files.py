@@ -1,4 +1,4 @@
-"""A view as files: data, study file, and the Python lines that make it again."""
+"""Export of a view: data, study file, and the Python code that reproduces it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from vibroimpact.motion import NAMING
 
 @dataclass(frozen=True)
 class File:
-    """A file for the browser to keep."""
+    """A file for the browser to save."""
 
     name: str
     type: str
@@ -33,7 +33,7 @@ class File:
 
 
 def export(kind: str, explorer: Explorer) -> File:
-    """Return the view as a file of that kind."""
+    """Return the view as a file of the given kind."""
     name, media_type, make = KINDS[kind]
     return File(name, media_type, make(explorer))
 
@@ -52,18 +52,18 @@ def _axis(view: View, axis: str) -> tuple[float, float]:
 
 
 def _indices(view: View) -> tuple[str, ...]:
-    """Return the index shown, and those that motions are classified by."""
+    """Return the index shown, and those needed to classify motions."""
     shown = () if view.index == MOTION else (view.index,)
     return tuple(dict.fromkeys((*shown, *NAMING)))
 
 
 def python_lines(view: View) -> str:
-    """Return a script that computes and draws what the view shows."""
+    """Return a script that computes and plots the contents of the view."""
     (x0, x1), (y0, y1) = _axis(view, "x"), _axis(view, "y")
     start = "" if view.start is None else f", start=vi.{view.start!r}"
     figure = figures.KINDS[figures.kind_of_index(view.index)].function
     arguments = () if view.index == MOTION else (view.index,)
-    note = f"# the plane, from rest; start={OTHERS + 1} tries {OTHERS} other initial conditions of each cell too"
+    note = f"# the plane, from rest; start={OTHERS + 1} also tries {OTHERS} other initial conditions in each cell"
     more = ""
     if view.worst:
         note, more = f"# the plane, {WORST} in each cell", f"\n    start={OTHERS + 1},"
@@ -105,7 +105,7 @@ for name, draw, data in [
 
 
 def _model_lines(view: View) -> str:
-    """Return the lines that make the model."""
+    """Return the lines that create the model."""
     values = ", ".join(f"{name}={value!r}" for name, value in view.values.items())
     if not view.model:
         return f"osc = vi.{type(view.osc).__name__}({values})"
@@ -136,8 +136,8 @@ def _toml(value: float) -> str:
 
 def _data(explorer: Explorer) -> bytes:
     plane = _computed("plane", explorer.plane)
-    if plane.stored:  # each of its cells is a copy of the nearest stored one
-        raise ValueError(f"this plane is taken from {plane.stored}; use that file, or zoom to compute cells here")
+    if plane.stored:  # each of its cells is a copy of the nearest stored cell
+        raise ValueError(f"this plane was read from {plane.stored}; use that file, or zoom in to compute cells here")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "plane.nc"
         vi.save(plane.dataset(), path)

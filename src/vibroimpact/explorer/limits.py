@@ -1,4 +1,4 @@
-"""The limits beyond which no view can be made: they keep the server responsive, and cells apart in double precision."""
+"""The limits of views: they keep the server responsive, and cells distinct in double precision."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
 Range = tuple[float, float]
 
 FINEST = 256  # cells along an axis of the plane
-SPACING = 16  # doubles between neighbouring cells, at least
-LARGEST, SMALLEST = 1e15, 1e-15  # of a parameter, in its unit
-SCALE = 1e30  # of energies, and of one over them: what is sent to be drawn has single precision
-STIFFEST = 1000.0  # fastest rate over slowest: steps per impact grow with it
-MOST_STEPS = 1e6  # granted a motion, about half a second
-LEAST_STEPS = 400.0  # granted an impact even so: driven a hundred times as fast as it swings, it needs some 300
-LONGEST_AGO = 1e9  # driving periods between time 0 and an initial condition: beyond, its phase is lost
-HALVINGS = 24  # of the way to an end that is refused
+SPACING = 16  # least number of doubles between neighbouring cells
+LARGEST, SMALLEST = 1e15, 1e-15  # magnitudes of a parameter, in its unit
+SCALE = 1e30  # of energies, and of their reciprocals: data are sent to the page in single precision
+STIFFEST = 1000.0  # fastest rate over slowest: steps per impact grow with this ratio
+MOST_STEPS = 1e6  # steps per motion, about half a second
+LEAST_STEPS = 400.0  # per impact in any case: about 300 are needed at 100 times the natural frequency
+LONGEST_AGO = 1e9  # driving periods between time 0 and an initial condition: beyond this its phase is lost
+HALVINGS = 24  # halvings of the way to a refused end
 
 
 def stiffness(osc: Any) -> float:
-    """Return the fastest of driving, natural and decay rate over the slowest of driving and natural rate.
+    """Return the ratio of the fastest of driving, natural and decay rate to the slower of driving and natural rate.
 
     Examples
     --------
@@ -43,11 +43,11 @@ def stiffness(osc: Any) -> float:
 
 
 def system_of(model: Any) -> Any:
-    """Return the oscillator or system that a model is at its own values."""
+    """Return the oscillator or system of a model at its own values."""
     return _system_and_stiffness(model)[0]
 
 
-@lru_cache(1024)  # a view asks for five points, most of them those of the view before
+@lru_cache(1024)  # a view needs five points, most of them shared with the last view
 def _system_and_stiffness(model: Any) -> tuple[Any, float]:
     system = model.at()
     cell = system.cells({})
@@ -55,7 +55,7 @@ def _system_and_stiffness(model: Any) -> tuple[Any, float]:
 
 
 def budget(stiff: float, count: int) -> Tolerances:
-    """Return a budget of some `MOST_STEPS` certified steps for so many impacts or periods; at most a tenth of usual.
+    """Return a budget of about `MOST_STEPS` certified steps for so many impacts or periods; at most a tenth of usual.
 
     Examples
     --------
@@ -67,7 +67,7 @@ def budget(stiff: float, count: int) -> Tolerances:
 
 
 def check_limits(model: Model, where: str) -> None:
-    """Raise `ValueError` unless all parameters, the ratios of rates and the scale of energies are within limits."""
+    """Raise `ValueError` unless all parameters, the ratio of rates and the scale of energies are within limits."""
     for name, value in model.values.items():
         if value and not SMALLEST <= abs(value) <= LARGEST:
             raise ValueError(
@@ -90,10 +90,10 @@ def check_limits(model: Model, where: str) -> None:
 
 
 def checked_start(start: State, system: Any) -> State:
-    """Return an initial condition, of a single coordinate as numbers, or raise `ValueError`."""
+    """Return a checked initial condition (for a single coordinate as numbers), or raise `ValueError`."""
     if system.coordinates == 1 and isinstance(start.displacement, tuple) and len(start.displacement) == 1:
         start = State(start.displacement[0], start.velocity[0], start.time)
-    system.cells({}, start)  # refuses one beyond a stop
+    system.cells({}, start)  # raises for a state beyond a stop
     size = max(map(abs, parts_of(start)[:-1]))
     if size > LARGEST:
         raise ValueError(f"`start` must have magnitudes up to {LARGEST:g}, got {size:g}")
@@ -108,13 +108,13 @@ def checked_start(start: State, system: Any) -> State:
 
 
 def allowed_range(parameter: Parameter, ends: Range) -> Range:
-    """Return a slider's range without a zero that the parameter may not have."""
+    """Return a slider's range, without zero if the parameter must not be zero."""
     low, high = ends
     return (high / 500.0 if low <= parameter.low and not parameter.closed else low), high
 
 
 def parts_of(start: State) -> list[float]:
-    """Return the displacements, the velocities and the time of an initial condition."""
+    """Return displacements, velocities and time of an initial condition."""
     parts: list[float] = []
     for part in (start.displacement, start.velocity, start.time):
         parts += part if isinstance(part, tuple) else (part,)
@@ -133,22 +133,22 @@ def checked_range(axis: str, parameter: Parameter, ends: Any) -> Range:
     least = least_width(low, high)
     if high - low < least:
         raise ValueError(
-            f"`{axis}` must span at least {least:.2g}, where double precision still separates {FINEST} cells, got "
+            f"`{axis}` must span at least {least:.2g}, the resolution of {FINEST} cells in double precision, got "
             f"{high - low:.2g}; zoom out"
         )
     return low, high
 
 
 def least_width(low: float, high: float) -> float:
-    """Return the narrowest range whose cells double precision separates."""
+    """Return the narrowest range whose cells are distinct in double precision."""
     return FINEST * SPACING * math.ulp(max(abs(low), abs(high)))
 
 
-# ---- another part of the plane, as far as the limits allow
+# ---- other parts of the plane, within the limits
 
 
 def with_ranges(view: View, x_range: Range, y_range: Range) -> tuple[View, str]:
-    """Return the view moved to these ranges as far as its limits allow, and a message where they did not."""
+    """Return the view with these ranges as far as the limits allow, and a message if they were reduced."""
     try:
         return replace(view, x_range=x_range, y_range=y_range), ""
     except ValueError as error:
@@ -156,7 +156,7 @@ def with_ranges(view: View, x_range: Range, y_range: Range) -> tuple[View, str]:
     wanted = {"x_range": x_range, "y_range": y_range}
     if not all(_is_range(ends) for ends in wanted.values()):
         return view, message
-    # First all four ends by the largest common share of their ways, then each alone as near as it may.
+    # First all four ends are moved by the largest common share of their ways, then each end alone as far as allowed.
     view = _farthest(view, wanted, (0, 1))
     for name, end in product(wanted, (0, 1)):
         view = _farthest(view, {name: wanted[name]}, (end,))
@@ -164,12 +164,12 @@ def with_ranges(view: View, x_range: Range, y_range: Range) -> tuple[View, str]:
 
 
 def with_axes(view: View, ranges: dict[str, Range]) -> tuple[View, str]:
-    """Return the view with two parameters along its axes, in these ranges as far as its limits allow, and a message.
+    """Return the view with two parameters along its axes, in these ranges as far as allowed, and a message.
 
     Raises
     ------
     ValueError
-        Nothing about the point can be shown.
+        No range around the point can be shown.
     """
     (x, x_range), (y, y_range) = ranges.items()
     try:
@@ -180,14 +180,14 @@ def with_axes(view: View, ranges: dict[str, Range]) -> tuple[View, str]:
 
 
 def near(parameter: Parameter, value: float, ends: Range) -> Range:
-    """Return a thousandth of a range about a value, within what the parameter may be."""
+    """Return a thousandth of a range about a value, within the parameter's range."""
     width = 5e-4 * (ends[1] - ends[0])
     low, high = max(value - width, parameter.low), min(value + width, parameter.high)
     return allowed_range(parameter, (low, high))
 
 
 def _farthest(view: View, wanted: dict[str, Range], ends: tuple[int, ...]) -> View:
-    """Return the view with these ends of ranges moved by the largest share of their ways that is not refused.
+    """Return the view with these ends of ranges moved by the largest share of their ways that is allowed.
 
     The share lies between 0 and 1 and is found by `HALVINGS` halvings.
     """

@@ -1,4 +1,4 @@
-"""The models that pages may show: the one that the server was started with, and the ready-made ones by name."""
+"""The models that pages can show: the one with which the server was started, and ready-made ones by name."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from vibroimpact.model import Model, check_model
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.parameters import Parameter, printable
 
-Find = Callable[[str], Model]  # returns the model of a name in a link, or raises ValueError
+Find = Callable[[str], Model]  # returns the model of a name in a link or raises ValueError
 
 RATES = ("rad/s", "Hz", "1/min")
-DECADE = 10.0  # on either side of a value that has to be positive
+DECADE = 10.0  # factor to either side of a value that must be positive
 
 
 def find_ready_made(name: str) -> Model:
-    """Return a ready-made model by its name, or one mass with one stop for ""; files are not run for links."""
+    """Return a ready-made model by its name, or one mass with one stop for ""; links never run files."""
     from vibroimpact import models
     from vibroimpact.families import ready_made
 
@@ -32,14 +32,14 @@ def find_ready_made(name: str) -> Model:
 
 
 def finder(name: str, model: Model) -> Find:
-    """Return the function that finds a model of one's own, and those that are always known."""
+    """Return the function that finds the user's own model as well as the ready-made ones."""
     return lambda wanted: model if name and wanted == name else find_ready_made(wanted)
 
 
 def open_model(model: Model, name: str = "") -> tuple[View, Find]:
-    """Return the view of a model that a server is started with, and what finds it by its name in links.
+    """Return the first view of a server's model, and the function that finds the model by its name in links.
 
-    One mass with one stop is what the page shows without a name.
+    Without a name the page shows one mass with one stop.
     """
     check_model(model, "model")
     link_name, find = name_in_links(model, name)
@@ -58,8 +58,9 @@ def name_in_links(model: Model, name: str) -> tuple[str, Find]:
 def usual_range(parameter: Parameter, value: float, system: Any) -> Range:
     """Return the range of a parameter's slider, from its range and its value.
 
-    All of a bounded range; a decade to either side of a number that must be positive, a third to three times of a rate;
-    else from 0, or from as far on its other side, to three times the value.
+    A bounded range is used whole. A value that must be positive gets a decade to either side, a rate a third to three
+    times its value. Otherwise the range extends from 0, or from minus the value if that is allowed, to three times the
+    value.
     """
     low, high = parameter.low, parameter.high
     if math.isfinite(low) and math.isfinite(high):
@@ -73,12 +74,12 @@ def usual_range(parameter: Parameter, value: float, system: Any) -> Range:
 
 
 def first_view(model: Model, name: str) -> View:
-    """Return the first view of a model: over its frequency, and over a number that moves a stop.
+    """Return the first view of a model: over its frequency, and over a parameter that moves a stop.
 
     Raises
     ------
     ValueError
-        It has fewer than two parameters, or nothing about its own values is within the limits.
+        The model has fewer than two parameters, or no range around its own values is within the limits.
     """
     parameters = table(model)
     if len(parameters) < 2:
@@ -96,11 +97,11 @@ def first_view(model: Model, name: str) -> View:
 
 
 def _changes(model: Model, name: str, quantity: Callable[[Any], Any]) -> bool:
-    """Whether a quantity of the oscillator or system depends on a parameter."""
+    """Whether a quantity of the oscillator or system depends on the parameter."""
     value = model.values[name]
     for other in (1.001 * value, 0.999 * value) if value else (1e-6,):
         try:
             return bool(quantity(model.replace(**{name: other}).at()) != quantity(model.at()))
-        except ValueError:  # out of its range on that side
+        except ValueError:  # outside its range on that side
             continue
     return False

@@ -1,4 +1,4 @@
-"""The explorer from a notebook: its server in a thread, its page in a cell."""
+"""The explorer in a notebook: its server runs in a thread, its page is shown in a cell."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from vibroimpact.model import Model
 
 
 def explore(model: Model | None = None, *, height: int = 800) -> Any:
-    """Open the explorer on a model: below the cell of a notebook, or in the browser.
+    """Open the explorer for a model, below the cell of a notebook or in the browser.
 
     Parameters
     ----------
     model : ImpactOscillator, ImpactSystem or family, optional
-        What to show first; None is the oscillator of the paper.
+        The model to show first; None means the oscillator of the paper.
     height : int
-        Of the page below a cell, in pixels.
+        Height of the page below a cell, in pixels.
 
     Returns
     -------
     IPython.display.IFrame or None
-        The page, in a notebook. Elsewhere the browser opens it, and the call returns after Ctrl-C.
+        In a notebook, the page. Otherwise None: the browser opens the page, and the call returns after Ctrl-C.
 
     Raises
     ------
@@ -36,8 +36,8 @@ def explore(model: Model | None = None, *, height: int = 800) -> Any:
 
     Notes
     -----
-    In a notebook the server runs in a thread until the kernel ends; each call starts one, at a port of its own. It
-    listens on the kernel's machine alone, so that the browser has to run there, too.
+    In a notebook, each call starts a server on its own port, in a thread that runs until the kernel ends. It listens
+    only on the kernel's machine, so the browser must run on the same machine.
 
     Examples
     --------
@@ -56,7 +56,7 @@ def explore(model: Model | None = None, *, height: int = 800) -> Any:
 def address_of(model: Model | None) -> str:
     """Start a server in a thread that ends with the process, and return its address."""
     started = threading.Event()
-    outcome: list[Any] = []  # the server, which lives as long as the list, and its address; or an error
+    outcome: list[Any] = []  # the server, kept alive by the list, and its address; or an error
 
     async def run() -> None:
         try:

@@ -1,4 +1,4 @@
-"""Parts of the page as one message of its websocket: their text, then their arrays as they lie in memory."""
+"""Encoding of parts of the page as one websocket message: their text, then their arrays in binary form."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-ALIGNED = 8  # bytes: a browser reads an array where it lies, and only at multiples of its numbers' size
+ALIGNED = 8  # bytes: a browser reads arrays in place, only at multiples of the item size
 
 
 def packed(parts: dict[str, dict[str, Any]]) -> bytes:
@@ -16,9 +16,9 @@ def packed(parts: dict[str, dict[str, Any]]) -> bytes:
 
     Notes
     -----
-    Four bytes, little-endian, give the length of the text (JSON), which spaces fill up. It lists names and contents;
-    ``{"array": [type, place, length]}`` there is an array of numbers, at a place counted from the end of the text. A
-    number that is none, which JSON does not know, is null.
+    The first four bytes, little-endian, give the length of the text (JSON), which is padded with spaces. The text maps
+    names to contents; ``{"array": [type, place, length]}`` refers to an array of numbers at that place, counted from
+    the end of the text. NaN, which JSON does not have, becomes null.
     """
     arrays: list[bytes] = []
     place = 0

@@ -1,4 +1,4 @@
-"""A page: views and controls around a session; it computes nothing."""
+"""A page: views and controls of a session; it computes nothing itself."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from vibroimpact.explorer.work import Pool
 
 
 class Page:
-    """All that one open tab shows.
+    """The contents of one open tab.
 
     Parameters
     ----------
     pool : Pool
         The threads that compute.
     tell : callable
-        Sends parts of the page to the browser; awaited, so that a slow one gets the latest of each kind.
+        Sends parts of the page to the browser; it is awaited, so that a slow browser gets only the latest of each kind.
     in_turn : callable
-        May be called from any thread, and runs a function in the server's.
+        Runs a function in the server's thread; may be called from any thread.
     view : View
-        What is shown first.
+        The view shown first.
     stored, find : callable, optional
-        As for `Explorer`.
+        As in `Explorer`.
     """
 
     def __init__(
@@ -75,11 +75,11 @@ class Page:
         self.explorer.close()
 
     def _work_changed(self) -> None:
-        with suppress(RuntimeError):  # the server's loop is closed, and nobody left to be told
+        with suppress(RuntimeError):  # the server's loop is closed
             self.receive([("rest", None)])
 
     def export(self, kind: str) -> None:
-        """Make a file of the view and let the browser keep it."""
+        """Create a file of the view and send it to the browser to save."""
         if kind not in KINDS:
             return
 
@@ -92,7 +92,7 @@ class Page:
         self.explorer.run("export", job)
 
     def receive(self, messages: list[Message]) -> None:
-        """Take messages of the session, from any thread; the browser is told in the server's."""
+        """Receive messages of the session in any thread; they are sent to the browser in the server's thread."""
         with self._lock:
             self._inbox += messages
             begin, self._reading = not self._reading, True
@@ -106,11 +106,11 @@ class Page:
                     if not self.explorer.closed:
                         await self._tell(self._show[kind](content))
         except BaseException:
-            self._reading = False  # the next message finds a reader
+            self._reading = False  # the next message starts a new reader
             raise
 
     def _latest(self) -> list[Message]:
-        """Return the latest results, the motion, for which people wait, first: the last of each kind, all files."""
+        """Return the latest results, the last of each kind and all files, with the motion first: users wait for it."""
         with self._lock:
             messages, self._inbox = self._inbox, []
             self._reading = bool(messages)

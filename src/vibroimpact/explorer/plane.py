@@ -1,4 +1,4 @@
-"""The plane: its cells, a coarse lattice first and then the cells between, a diagram, and boundaries."""
+"""The plane: its cells, computed from coarse to fine lattices; a diagram; and boundaries."""
 
 from __future__ import annotations
 
@@ -20,43 +20,43 @@ from vibroimpact.orbits import Orbit
 from vibroimpact.plotting.diagrams import with_index
 
 Floats = NDArray[np.float64]
-Places = NDArray[np.int64]  # of cells along an axis of the finest lattice
+Places = NDArray[np.int64]  # indices of cells along an axis of the finest lattice
 KeepGoing = Callable[[], bool]
 
-SIDES = (64, 128, 256)  # of the lattices; each contains the one before
-COARSER = (16, 32)  # before them, where a rest at a stop erases no memory: a cell may take some milliseconds
-BAND, USUAL = 2048, 500  # cells per job, about, with so many impacts per cell; fewer where more are sampled
-TRANSIENT = 100  # impacts left out
-TRIED = (2, 5, 17)  # initial conditions in turn, rest among them, of cells without impact from rest: until one hits
+SIDES = (64, 128, 256)  # sides of the lattices; each contains the one before
+COARSER = (16, 32)  # before these if rests keep memory: a cell may then take milliseconds
+BAND, USUAL = 2048, 500  # approximate cells per job at this number of impacts per cell; fewer if more are sampled
+TRANSIENT = 100  # transient impacts skipped
+TRIED = (2, 5, 17)  # initial conditions, rest included, tried until one leads to impacts
 OTHERS = TRIED[-1] - 1
 WORST = f"worst of {TRIED[-1]} initial conditions"
 ONLY_OTHERS = f"no impact from rest; impacts from other initial conditions ({OTHERS} tried)"
 
-FOLLOWED = (1, 2)  # driving periods of the motions whose boundaries are followed
-VALUES, PART = 200, 100  # along the line; computed at a time
-IMPACTS = 48  # of each value
-BUDGETED = 5000  # impacts for which a budget is granted: the few of a diagram get a share of it
-RESOLUTION = 10_000  # velocities that a diagram distinguishes, up to the largest
+FOLLOWED = (1, 2)  # driving periods of motions whose boundaries are followed
+VALUES, PART = 200, 100  # values along the line, and values computed at a time
+IMPACTS = 48  # impacts per value
+BUDGETED = 5000  # impacts for which the budget is granted; the few impacts of a diagram get a share of it
+RESOLUTION = 10_000  # number of velocities that a diagram distinguishes, up to the largest
 
 
 def lattice(side: int) -> Places:
-    """Return which of the finest cells along an axis belong to a lattice of `side`."""
+    """Return the indices along an axis of the finest cells that belong to a lattice of `side`."""
     stride = FINEST // side
-    return np.arange(0x55 & (stride - 1), FINEST, stride)  # 1, 1, 5, 5 of strides 2, 4, 8, 16: each holds the coarser
+    return np.arange(0x55 & (stride - 1), FINEST, stride)  # 1, 1, 5, 5 for strides 2, 4, 8, 16: each holds the coarser
 
 
 def positions(low: float, high: float, cells: Places) -> Floats:
-    """Return the parameter at the middle of the finest cells."""
+    """Return the parameter at the centres of the finest cells."""
     return np.asarray(low + (cells + 0.5) * ((high - low) / FINEST), dtype=np.float64)
 
 
 def sides(view: View) -> tuple[int, ...]:
-    """Return the lattices of a view in turn."""
+    """Return the sides of a view's lattices, from coarse to fine."""
     return SIDES if view.system.forgets else (*COARSER, *SIDES)
 
 
 def bands(side: int, samples: int = USUAL, first: int = SIDES[0]) -> list[tuple[Places, Places]]:
-    """Return the cells that a lattice adds to the one before, as rectangles small enough for a job."""
+    """Return the cells that a lattice adds to the one before, as rectangles of a job's size."""
     cells, most = lattice(side), BAND * USUAL / max(samples, USUAL) * (1 if first == SIDES[0] else 1 / 16)
     if side == first:
         parts = [(cells, cells)]
@@ -78,7 +78,7 @@ def compute_cells(
     keep_going: KeepGoing = lambda: True,
     indices: Iterable[str] = tuple(INDICES),
 ) -> xr.Dataset:
-    """Return indices of a view's cells over some axes, or points, the impacts sampled and budgeted as pages do."""
+    """Return indices over some axes or points of a view, with the impacts and budget used by pages."""
     sweep: xr.Dataset = vi.parameter_map(
         view.osc,
         indices=tuple(indices),
@@ -95,21 +95,21 @@ def compute_cells(
 
 @dataclass
 class Plane:
-    """The cells of a view, as far as they are known."""
+    """The cells of a view computed so far."""
 
     view: View
     side: int
     values: dict[str, NDArray[Any]]  # each FINEST x FINEST, the first axis along x
-    elsewhere: NDArray[np.float32]  # m/s: a hardest impact from other initial conditions; 0 from none, NaN not tried
+    elsewhere: NDArray[np.float32]  # m/s: an impact from other initial conditions; 0: none, NaN: not tried
     seconds: float = 0.0
-    stored: str = ""  # the stored sweep that they were taken from
+    stored: str = ""  # the stored sweep from which they were read
     origin: str = "from rest"
-    indices: frozenset[str] = frozenset(INDICES)  # those that are known
-    tried: bool | None = None  # whether `elsewhere` is complete, or was given up; None is not yet
+    indices: frozenset[str] = frozenset(INDICES)  # the indices known
+    tried: bool | None = None  # whether `elsewhere` is complete (True) or was abandoned (False); None: in progress
 
     @classmethod
     def unknown(cls, view: View) -> Plane:
-        """Return a plane of which nothing is known."""
+        """Return an empty plane."""
         values: dict[str, NDArray[Any]] = {
             name: np.full((FINEST, FINEST), index.fill, index.dtype) for name, index in INDICES.items()
         }
@@ -118,7 +118,7 @@ class Plane:
         return cls(view, 0, values, np.full((FINEST, FINEST), np.nan, np.float32))
 
     def fill(self, columns: Places, rows: Places, keep_going: KeepGoing) -> bool:
-        """Compute a rectangle of cells; return whether it was finished."""
+        """Compute a rectangle of cells; return whether it is complete."""
         view = self.view
         axes = {view.x: positions(*view.x_range, columns), view.y: positions(*view.y_range, rows)}
         start = TRIED[-1] if view.worst else None
@@ -133,13 +133,13 @@ class Plane:
         return True
 
     def quiet(self) -> list[Places]:
-        """Return the places of the cells that have no impact from rest, in rows of two, in parts for a job each."""
+        """Return the indices of the cells without impact from rest, one row per cell, split into jobs."""
         places = np.argwhere(self.values["motion"] == MotionClass.NO_IMPACT)
         parts = round(len(places) * max(self.view.samples, USUAL) / (BAND * USUAL))
         return np.array_split(places, max(1, parts)) if len(places) else []
 
     def try_others(self, places: Places, keep_going: KeepGoing) -> bool:
-        """Look for impacts from other initial conditions in some cells; return whether that was finished."""
+        """Search for impacts from other initial conditions in some cells; return whether the search is complete."""
         view, hardest = self.view, np.zeros(len(places), np.float32)
         for number in TRIED:
             silent = np.flatnonzero(hardest == 0.0)
@@ -155,7 +155,7 @@ class Plane:
         return True
 
     def array(self, name: str) -> NDArray[Any]:
-        """Return an index over the lattice known so far, the first axis along x."""
+        """Return an index over the finest complete lattice, with the first axis along x."""
         cells = lattice(self.side)
         return self.values[name][np.ix_(cells, cells)]
 
@@ -165,10 +165,10 @@ class Plane:
         return positions(low, high, lattice(self.side))
 
     def dataset(self) -> xr.Dataset:
-        """Return the lattice known so far as `parameter_map` would return it."""
+        """Return the finest complete lattice in the form of a `parameter_map` result."""
         view, dims = self.view, (self.view.x, self.view.y)
         point = {view.x: [view.osc_value("x")], view.y: [view.osc_value("y")]}
-        # attributes and nothing else: no cell is computed
+        # for its attributes only: no cell is computed
         sweep = compute_cells(view, point, keep_going=lambda: False)
         axes = {name: (name, self.axis(axis), sweep[name].attrs) for axis, name in zip("xy", dims, strict=True)}
         names = [str(name) for name in sweep.data_vars if name == "status" or name in self.indices]
@@ -179,14 +179,14 @@ class Plane:
         return xr.Dataset(content, coords=axes, attrs=sweep.attrs | origin)
 
 
-Stored = Callable[[View], Plane | None]  # gives a view its plane from a stored sweep, if that has its cells
+Stored = Callable[[View], Plane | None]  # returns the plane of a view from a stored sweep that has its cells, else None
 
-# ---- what is drawn below and over the plane
+# ---- the diagram below the plane and the boundaries in it
 
 
 @dataclass(frozen=True)
 class Line:
-    """Impact velocities over one parameter, each given once."""
+    """Impact velocities over one parameter, without duplicates."""
 
     ends: Range
     values: Floats
@@ -203,7 +203,7 @@ class Curves:
 
 
 def compute_line(view: View, keep_going: KeepGoing) -> Line:
-    """Return the impact velocities along the view's line, as far as time is left."""
+    """Return the impact velocities along the view's line, computed until time is up."""
     parameter, (low, high) = view.along
     values: Floats = low + (np.arange(VALUES, dtype=np.float64) + 0.5) * ((high - low) / VALUES)
     parts = [_velocities(view, parameter, values[:PART])]
@@ -220,7 +220,7 @@ def compute_line(view: View, keep_going: KeepGoing) -> Line:
 
 
 def _velocities(view: View, parameter: str, values: Floats) -> Floats:
-    """Return the velocities of some impacts at each value, NaN where there are fewer."""
+    """Return the velocities of some impacts at each value, padded with NaN."""
     axis: dict[str, Any] = {parameter: values}
     diagram = vi.bifurcation_diagram(
         view.osc,
@@ -237,7 +237,7 @@ def _velocities(view: View, parameter: str, values: Floats) -> Floats:
 
 
 def find_curves(view: View, keep_going: KeepGoing) -> Curves:
-    """Return the boundaries in the view's plane, as far as time is left."""
+    """Return the boundaries in the view's plane, computed until time is up."""
     boundaries = vi.boundary_curves(
         view.osc,
         (view.x, view.y),
@@ -253,5 +253,5 @@ def find_curves(view: View, keep_going: KeepGoing) -> Curves:
 
 
 def _motion_at(orbit: Orbit) -> str:
-    """Return the orbit's name; where the swing without impacts first touches the stop, it hits at velocity 0."""
-    return orbit.name if max(orbit.velocities, default=1.0) > 0.0 else "the steady swing without impacts"
+    """Return the orbit's name; an impact at velocity 0 means the impact-free motion that first touches the stop."""
+    return orbit.name if max(orbit.velocities, default=1.0) > 0.0 else "the steady motion without impacts"

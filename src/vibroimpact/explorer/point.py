@@ -1,4 +1,4 @@
-"""The motion at a point: its history, portrait, sections, indices and name, from one orbit; and those that coexist."""
+"""The motion at a point: its history, portrait, sections, indices and name, from one run; and coexisting motions."""
 
 from __future__ import annotations
 
@@ -25,26 +25,26 @@ from vibroimpact.status import Status
 
 Floats = NDArray[np.float64]
 Columns = dict[str, Floats]
-Parts = dict[str, Columns]  # history, impacts and rests of a `Point`
+Parts = dict[str, Columns]  # parts of a `Point`: history, impacts and rests
 
-HISTORY = 4000  # samples, about
-IMPACTS = 800  # on the impact map
-LEAD = 100  # driving periods, or free oscillations where they are longer, left out before the Poincaré map
-LOOKS, MOST_LOOKS = 400, 900  # free oscillations recorded after it; driving periods at most: looks on that map
+HISTORY = 4000  # approximate number of samples
+IMPACTS = 800  # impacts on the impact map
+LEAD = 100  # driving periods, or free oscillations if longer, skipped before the Poincaré map
+LOOKS, MOST_LOOKS = 400, 900  # free oscillations recorded after that; most driving periods, i.e. points on that map
 FAINT = 1e-6  # of the largest velocity: slower impacts are not drawn
 RECORDED = (
     "time", "displacement", "velocity", "impact_time", "impact_velocity", "stick_time", "release_time",
 )  # fmt: skip
 REMEMBERED = 16  # motions per page
-START_IMPACTS = 2000  # of an initial condition, for which a budget is granted
+START_IMPACTS = 2000  # impacts per initial condition for which a budget is granted
 
 
 @dataclass(frozen=True)
 class Point:
-    """What the page shows of a point."""
+    """The data that the page shows for a point."""
 
     osc: Model
-    system: Any  # the oscillator or system that it is
+    system: Any  # the oscillator or system
     shown: views.View
     name: str
     sentence: str
@@ -53,17 +53,17 @@ class Point:
     indices: dict[str, float]
     history: Columns  # time, displacement, velocity, both sides of every impact
     impacts: Columns  # time, velocity within the history
-    rests: Columns  # begin, end of rests at the stop within the history
+    rests: Columns  # begin and end of rests at the stop within the history
     impact_map: Columns  # phase, velocity
     poincare: Columns  # displacement, velocity
 
     @property
     def size(self) -> float:
-        """The static deflection or the gap of one mass, whichever is larger, or alike in m: a scale for axes."""
+        """A length scale of axes in m: for one mass, the larger of static deflection and gap; alike for systems."""
         return self.system.velocity_scale / self.system.slowest_frequency or 1.0
 
     def places(self, stops: Any, time: Floats) -> Floats:
-        """Return the places of stops, by their names, at times; NaN of those that are not in the way."""
+        """Return the positions of stops at given times, by name; NaN if they do not act on the displacement shown."""
         places = np.full(len(time), np.nan)
         for wall in self.shown.walls:
             struck = np.flatnonzero(stops == wall.name)
@@ -72,9 +72,9 @@ class Point:
 
 
 def compute_point(view: View, model: Model | None = None) -> Point:
-    """Return the results that the page shows of the view's point, or of another one that starts from rest.
+    """Return the results for the view's point, or for another point from rest.
 
-    One run of one orbit is measured and recorded. Only where its record is too short does a second one go on from it.
+    One run is both measured and recorded. Only if its record is too short, a second run continues from it.
     """
     start = view.start if model is None else None
     model = model or view.osc
@@ -82,7 +82,7 @@ def compute_point(view: View, model: Model | None = None) -> Point:
     shown = views.view_of_page(system, view.coordinate, view.stop)
     ratio = system.omega / system.slowest_frequency
     lead = max(20, int(LEAD * min(ratio, 1.0)))
-    oscillations = LOOKS if system.forgets else LOOKS // 2  # of models that keep their memory, ten times as dear, half
+    oscillations = LOOKS if system.forgets else LOOKS // 2  # these take ten times as long
     looks = max(20, min(int(oscillations * ratio), MOST_LOOKS))
     density = min(max(60, math.ceil(24 / ratio)), HISTORY)  # samples per period
     indices, orbit, section = measure_orbit(
@@ -108,7 +108,7 @@ def compute_point(view: View, model: Model | None = None) -> Point:
     if settled:
         parts = _settled(shown, orbit, lead * system.period, length, n, status.has_indices)
         begin = _hardest(system, impact_map) if parts is None and status.has_indices else None
-        if begin is not None:  # the budget ended the record before a long enough part of it was settled
+        if begin is not None:  # the record reached its budget before a sufficient part was settled
             parts = _carried_on(shown, begin, length, density)
         settled = parts is not None
     return Point(
@@ -127,17 +127,17 @@ def compute_point(view: View, model: Model | None = None) -> Point:
 
 
 def _projected(shown: views.View, orbit: dict[str, Any]) -> Columns:
-    """Return an orbit with the displacement that is shown, and the name of the stop at each impact and rest."""
+    """Return an orbit projected on the displacement shown, with the name of the stop at each impact and rest."""
     names = {f"{event}_stop": views.stops_of(orbit, event, shown.model) for event in ("impact", "stick")}
     y = shown.values(orbit["time"], orbit["displacement"])
     return orbit | names | {"displacement": y, "velocity": shown.values(orbit["time"], orbit["velocity"], rate=True)}
 
 
 def _settled(shown: views.View, orbit: Columns, lead: float, length: float, n: int, hits: bool) -> Parts | None:
-    """Return the end of an orbit as if it began in the first period, from a hard impact on.
+    """Return the end of an orbit, shifted to the first period, beginning with a hard impact.
 
-    Of a cycle that is the hardest one; of a motion that does not repeat, the hardest of the last 64 before the end.
-    None where there is too little after the `lead`.
+    For a cycle it begins with the hardest impact; for a motion that does not repeat, with the hardest of the last 64
+    impacts. None if too little is left after `lead`.
     """
     time, hit_time, period = orbit["time"], orbit["impact_time"], shown.model.period
     if not len(time) or time[-1] - time[0] < lead + length:
@@ -152,14 +152,14 @@ def _settled(shown: views.View, orbit: Columns, lead: float, length: float, n: i
 
 
 def _beginning(shown: views.View, start: State | None, orbit: Columns, length: float) -> Parts:
-    """Return an orbit from its start on."""
+    """Return the beginning of an orbit."""
     begin = 0.0 if start is None else start.time
     end = max([begin, *orbit["time"][-1:]])
     return _parts(shown, orbit, begin, min(begin + length, end), start=start)
 
 
 def _carried_on(shown: views.View, begin: State, length: float, density: int) -> Parts:
-    """Return the motion after an impact, from a run of its own."""
+    """Return the motion after an impact, from a separate run."""
     system, periods = shown.model, length / shown.model.period
     limits = budget(stiffness(system), math.ceil(periods))
     orbit = vi.simulate(system, start=begin, periods=periods, samples_per_period=density, tolerances=limits)
@@ -170,9 +170,9 @@ def _carried_on(shown: views.View, begin: State, length: float, density: int) ->
 def _parts(
     shown: views.View, orbit: Columns, begin: float, end: float, shift: float = 0.0, start: State | None = None
 ) -> Parts:
-    """Return history, impacts and rests of an orbit between two times in s, which are made earlier by `shift`.
+    """Return history, impacts and rests of an orbit between two times in s, shifted earlier by `shift`.
 
-    The history has both sides of every impact that can be seen, and a `start` that lies between samples.
+    The history includes both sides of every visible impact, and a `start` between samples.
     """
     time, y, v, hit_time, hit_speed, stick, release = (orbit[name] for name in RECORDED)
     within, hit = (time >= begin) & (time <= end), (hit_time >= begin) & (hit_time <= end)
@@ -200,7 +200,7 @@ def _parts(
 
 
 def _sides(shown: views.View, time: Floats, speed: Floats, stop: Any) -> list[tuple[Floats, Floats, Floats]]:
-    """Return time, displacement and velocity of both sides of impacts at the walls in the way of what is shown."""
+    """Return time, displacement and velocity just before and after impacts on the walls shown."""
     sides = []
     for wall in shown.walls:
         struck = np.flatnonzero(stop == wall.name)
@@ -212,7 +212,7 @@ def _sides(shown: views.View, time: Floats, speed: Floats, stop: Any) -> list[tu
 
 
 def _hardest(system: Any, impact_map: Columns) -> State | None:
-    """Return the hardest of the last impacts of one mass as a state to continue from."""
+    """Return the hardest of the last impacts of one mass as a state from which to continue."""
     velocity, phase = (impact_map[name][:-65:-1] for name in ("velocity", "phase"))
     if not len(velocity) or not system.forgets:
         return None
@@ -221,7 +221,7 @@ def _hardest(system: Any, impact_map: Columns) -> State | None:
 
 
 def _away_from(time: Floats, events: Floats, width: float) -> NDArray[np.bool_]:
-    """Whether instants lie away from all events; a sample at an impact gives way to the impact's two sides."""
+    """Whether instants are away from all events; a sample at an impact is replaced by the impact's two sides."""
     if not len(events):
         return np.ones(len(time), bool)
     after = np.searchsorted(events, time).clip(1, len(events) - 1) if len(events) > 1 else np.zeros(len(time), int)
@@ -230,9 +230,9 @@ def _away_from(time: Floats, events: Floats, width: float) -> NDArray[np.bool_]:
 
 
 def _impact_map(system: Any, start: State | None, orbit: Columns, n_periods: int, repeats: bool, stop: int) -> Columns:
-    """Return phase and velocity of the impacts after a transient; of a cycle those of the recorded orbit suffice.
+    """Return phase and velocity of the impacts after a transient; for a cycle those of the recorded orbit suffice.
 
-    Where they are not the whole state they are those recorded, at one stop, counted from 1, or, 0, at all.
+    If impacts do not determine the whole state, they are those recorded at one stop (counted from 1) or at all (0).
     """
     if not system.forgets:
         struck = orbit["impact_stop"][TRANSIENT:]
@@ -245,7 +245,7 @@ def _impact_map(system: Any, start: State | None, orbit: Columns, n_periods: int
     missing = IMPACTS - len(hits["phase"])
     if repeats or not missing:
         return hits
-    # It hits too seldom for the record to hold them all: the orbit goes on from its last impact, which is seen again.
+    # Impacts are too rare to fill the record: the orbit is continued from its last impact, which is recorded again.
     if len(time):
         phase, speed = (float(orbit[f"impact_{name}"][-1]) for name in ("phase", "velocity"))
         start = State(system.stops[0].gap, speed, phase * system.period)
@@ -261,7 +261,7 @@ def _impact_map(system: Any, start: State | None, orbit: Columns, n_periods: int
 
 @dataclass(frozen=True)
 class Other:
-    """A motion that initial conditions lead to: its name, the share of them, its largest velocity, a state on it."""
+    """A motion reached from other initial conditions: name, share of these, largest velocity, a state on it."""
 
     name: str
     share: float
@@ -269,16 +269,16 @@ class Other:
     start: State
 
     def same(self, point: Point) -> bool:
-        """Whether this is the motion of a point: of one name, and of a cycle with the same largest velocity."""
+        """Whether this is the motion of a point: the name and, for a cycle, the largest velocity are equal."""
         velocity = point.indices["max_velocity"]
         alike = not point.n_periods or math.isclose(self.max_velocity, velocity, rel_tol=1e-6)
         return self.name == point.name and alike
 
 
 def find_others(view: View, keep_going: KeepGoing) -> list[Other]:
-    """Return the motions that initial conditions at the view's point lead to, as far as time is left.
+    """Return the motions reached from initial conditions at the view's point, computed until time is up.
 
-    The one with the largest share of the initial conditions comes first.
+    The motion with the largest share of the initial conditions comes first.
     """
     limits = budget(stiffness(view.osc), START_IMPACTS)
     motions = vi.attractors(view.osc, tolerances=limits, workers=1, progress=lambda *progress: keep_going())
@@ -286,14 +286,14 @@ def find_others(view: View, keep_going: KeepGoing) -> list[Other]:
 
 
 class Motions:
-    """The last few motions of a page, so that going back to one costs nothing."""
+    """Cache of the last few motions of a page, so that returning to one costs nothing."""
 
     def __init__(self) -> None:
         self._points: dict[Hashable, Point] = {}
         self._lock = threading.Lock()
 
     def of(self, view: View, osc: Model | None = None) -> Point:
-        """Return the motion at the view's point, or at another one that starts from rest."""
+        """Return the motion at the view's point, or at another point from rest."""
         key = view.point_key if osc is None else (osc, None, *view.point_key[2:])
         with self._lock:
             point = self._points.get(key)
@@ -307,7 +307,7 @@ class Motions:
 
 
 def _settled_motion(system: Any, kind: MotionClass, status: Status, indices: dict[str, float], impacts: int) -> str:
-    """Return the settled motion as a sentence, and what was seen in so many impacts at most."""
+    """Return a sentence on the settled motion, determined from at most so many impacts."""
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
     name, peak = motion_name(kind, n, p), f"largest impact velocity {quantity(indices['max_velocity'], 'm/s', 3)}"
     often = "once per period" if n <= 1 else f"once in {n} periods"
@@ -328,7 +328,7 @@ def _settled_motion(system: Any, kind: MotionClass, status: Status, indices: dic
         swings = ""
         if system.stops and system.steady_amplitude < system.stops[0].gap:
             reach, gap = (quantity(length, "m", 3) for length in (system.steady_amplitude, system.stops[0].gap))
-            swings = f"; the steady swing of {reach} stays short of the gap of {gap}"
+            swings = f"; the steady amplitude of {reach} is smaller than the gap of {gap}"
         return f"{words}{swings}."
     hardest = f", {peak}" if math.isfinite(indices["max_velocity"]) else ""
     reason = f"no cycle in {impacts} impacts, and chaos is not certain" if status.has_indices else status.sentence
@@ -340,7 +340,7 @@ def _periods(value: float) -> str:
 
 
 def index_text(point: Point, index: str, digits: int) -> str:
-    """Return the value of an index as a table shows it; of a motion without impacts there is none."""
+    """Return the value of an index as text for a table; empty for a motion without impacts."""
     if not math.isfinite(point.indices["max_velocity"]):
         return "–"
     value = shown_spread(point.indices[index], spread_scale(index, point.system.velocity_scale))

@@ -1,4 +1,4 @@
-"""What a browser reaches: the page, which costs nothing to serve, and the websocket that begins work."""
+"""The server: the page, which costs nothing to serve, and the websocket that starts work."""
 
 from __future__ import annotations
 
@@ -32,25 +32,25 @@ from vibroimpact.explorer.views import Parts
 from vibroimpact.explorer.work import Pool
 
 MOST_PAGES = 64
-FULL = f"{MOST_PAGES} pages of this explorer are open, and no more may be. Close one, then reload this page."
-MOST_BYTES = 1 << 20  # of a message or a request from a browser
-SILENT = 10.0  # s after which a connection that asks for nothing is closed
-PING = 15.0  # s between questions to a browser whether it is still there
-TIDY_DELAY = 3.0  # s after which a tab that left has been cleaned up
-NOTEBOOKS = "http://localhost:* http://127.0.0.1:* vscode-webview:"  # whose pages these may be
+FULL = f"{MOST_PAGES} pages of this explorer are open, which is the limit. Close one, then reload this page."
+MOST_BYTES = 1 << 20  # bytes of a message or a request from a browser
+SILENT = 10.0  # s after which an idle connection is closed
+PING = 15.0  # s between pings to a browser
+TIDY_DELAY = 3.0  # s after which a closed tab has been cleaned up
+NOTEBOOKS = "http://localhost:* http://127.0.0.1:* vscode-webview:"  # sites that may frame the page
 SCRIPTS = ("plots", "motion", "plane", "picture", "rows", "menus", "page")
 _ASSETS = Path(__file__).parent / "assets"
 
 
 class Tabs:
-    """The open tabs, and the pages that they show.
+    """The open tabs and their pages.
 
     Parameters
     ----------
     view : View
-        What a tab shows whose address names nothing.
+        The view of a tab whose address has no query.
     stored, find : callable
-        As for `Explorer`.
+        As in `Explorer`.
     """
 
     def __init__(self, view: View, stored: Stored | None, find: Find) -> None:
@@ -60,12 +60,12 @@ class Tabs:
         threading.Thread(target=self._get_ready, daemon=True).start()
 
     def _get_ready(self) -> None:
-        """Compile or load what the first click needs, while the address is printed and the page opens."""
-        with contextlib.suppress(ValueError):  # what cannot be shown the page says
+        """Compile or load the code for the first click while the address is printed and the page opens."""
+        with contextlib.suppress(ValueError):  # the page reports errors itself
             compute_point(self._view)
 
     def enter(self, tab: Socket) -> Page | None:
-        """Return the page of a tab, with the view that its address names; None if too many are open."""
+        """Return the page of a tab, with the view of its address; None if too many are open."""
         if len(self.open) >= MOST_PAGES:
             return None
         self.open.add(tab)
@@ -82,101 +82,101 @@ class Tabs:
         return page
 
     def leave(self, tab: Socket) -> None:
-        """Forget a tab; after the last one give memory back that arrays had."""
+        """Remove a tab; after the last one, return free memory to the system."""
         self.open.discard(tab)
         IOLoop.current().call_later(TIDY_DELAY, self._tidy)
 
     def _tidy(self) -> None:
         if self.open:
             return
-        gc.collect()  # pages and sessions know each other
+        gc.collect()  # pages and sessions refer to each other
         if sys.platform == "linux":
-            with contextlib.suppress(AttributeError, OSError):  # a C library without it
+            with contextlib.suppress(AttributeError, OSError):  # the C library does not have it
                 ctypes.CDLL(None).malloc_trim(0)
 
     def close(self) -> None:
-        """Let the threads end."""
+        """Stop the threads."""
         self._pool.close()
 
 
 class Socket(WebSocketHandler):
-    """The websocket of a tab: its page is made when it opens, and closed when it does."""
+    """The websocket of a tab; its page is created when it opens and closed when it closes."""
 
     def initialize(self, tabs: Tabs, hosts: list[str]) -> None:
-        """Take what the router knows."""
+        """Store the arguments of the router."""
         self._tabs, self._hosts = tabs, hosts
         self._page: Page | None = None
 
     def check_origin(self, origin: str) -> bool:
-        """Whether a page may open it: this server's own may."""
+        """Whether a page may open the websocket: only this server's own pages may."""
         return urlsplit(origin).netloc.lower() in self._hosts
 
     async def open(self, *_: str, **__: str) -> None:
-        """Begin to work for a tab, if there is room."""
+        """Start work for a tab, if there is room."""
         self._page = self._tabs.enter(self)
         if self._page is None:
             await self.tell({"message": {"text": FULL}})
             self.close(1013, "too many pages")
 
     async def tell(self, parts: Parts) -> None:
-        """Send parts of the page; a browser that has left is told nothing."""
+        """Send parts of the page, unless the browser has disconnected."""
         with contextlib.suppress(WebSocketClosedError):
             await self.write_message(packed(parts), binary=True)
 
     def on_message(self, message: str | bytes) -> None:
-        """Do what the page's script asks for."""
+        """Run a command from the page's script."""
         if self._page is not None and isinstance(message, str):
             self._page.commands.run(message)
 
     def on_close(self) -> None:
-        """End the work for a tab that was closed."""
+        """Stop the work for a closed tab."""
         self._tabs.leave(self)
         if self._page is not None:
             self._page.close()
 
 
 class PageFile(RequestHandler):
-    """The page: the same file for all; nothing is computed or kept for it."""
+    """The page, one static file for all; nothing is computed or stored for it."""
 
     def initialize(self, page: str, framed: bool) -> None:
-        """Take the file, and whether notebooks of this machine may show it in a frame."""
+        """Store the file, and whether notebooks on this machine may show it in a frame."""
         self._file, self._frames = page, NOTEBOOKS if framed else "'none'"
 
     def get(self) -> None:
-        """Hand it out."""
+        """Send the page."""
         self.set_header("Cache-Control", "no-store")
         self.set_header(
             "Content-Security-Policy", f"frame-ancestors {self._frames}"
-        )  # else any site could open it unseen
+        )  # otherwise any site could embed it invisibly
         self.set_header("X-Content-Type-Options", "nosniff")
         self.finish(self._file)
 
 
 class Refused(RequestHandler):
-    """The answer to a Host that is not this machine's: a page of another site that says it were from here."""
+    """The answer to requests with a foreign Host header: a page of another site poses as local (DNS rebinding)."""
 
     def initialize(self, hosts: list[str]) -> None:
-        """Take the names of this machine."""
+        """Store the names of this machine."""
         self._hosts = hosts
 
     def prepare(self) -> None:
-        """Refuse whatever is requested."""
+        """Refuse the request."""
         self.set_status(421)
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(f"This explorer is reached at {' or '.join(f'http://{host}/' for host in self._hosts)} only.\n")
 
 
 class Router(Application):
-    """Leads requests for the page and its websocket to who answers; nothing else is reached.
+    """Routes requests for the page and its websocket to their handlers; there are no other paths.
 
     Parameters
     ----------
     tabs : Tabs
-        Who opens pages.
+        The open tabs.
     hosts : list of str
-        Names and port of this machine, as browsers name them; pages of others may not open the websocket.
+        Names and port of this machine, as browsers send them; pages from other hosts may not open the websocket.
     framed : bool
-        Whether notebooks of this machine may show the page in a frame.
+        Whether notebooks on this machine may show the page in a frame.
     """
 
     def __init__(self, tabs: Tabs, hosts: list[str], framed: bool) -> None:
@@ -188,19 +188,19 @@ class Router(Application):
         )
 
     def find_handler(self, request: HTTPServerRequest, **options: Any) -> Any:
-        """Return who answers a request."""
+        """Return the handler of a request."""
         if request.host.lower() not in self._hosts:
             return self.get_handler_delegate(request, Refused, {"hosts": self._hosts})
         return super().find_handler(request, **options)
 
 
 class Server:
-    """A server that listens, in the loop that runs.
+    """A server listening in the running event loop.
 
     Parameters
     ----------
     tabs : Tabs
-        Who opens pages.
+        The open tabs.
     address : str
         Where it listens.
     port : int
@@ -211,7 +211,7 @@ class Server:
     Raises
     ------
     OSError
-        It cannot listen there.
+        The server cannot listen there.
     """
 
     def __init__(self, tabs: Tabs, address: str, port: int, hosts: list[str], framed: bool) -> None:
@@ -222,7 +222,7 @@ class Server:
         self._http.add_sockets(sockets)
 
     async def stop(self) -> None:
-        """Close all connections, and let the threads end."""
+        """Close all connections and stop the threads."""
         self._http.stop()
         await self._http.close_all_connections()
         self.tabs.close()

@@ -1,4 +1,4 @@
-"""One open page without its page: what a person may do with a view, and what follows from the view."""
+"""The session of an open page: user actions on a view, and the work that follows from them."""
 
 from __future__ import annotations
 
@@ -27,35 +27,35 @@ Message = tuple[str, Any]
 Search = Callable[[View, KeepGoing], Any]
 
 MOST_UNDO = 200
-SAME_GESTURE = 1.0  # s: changes of one control within it are undone together
-OTHERS_DELAY = 1.2  # s without a click before coexisting motions are searched for
+SAME_GESTURE = 1.0  # s: changes of one control within this time are undone together
+OTHERS_DELAY = 1.2  # s without a click before the search for coexisting motions starts
 LINE_DELAY = 0.15  # s
-LINE_SECONDS, SEARCH_SECONDS = 10.0, 20.0  # a diagram and a search are stopped after so long
+LINE_SECONDS, SEARCH_SECONDS = 10.0, 20.0  # s after which a diagram and a search are stopped
 
 
 class Explorer:
-    """A view that can be changed, what was computed for it, and what still runs.
+    """A changeable view, its results, and its running jobs.
 
     Parameters
     ----------
     view : View, optional
-        What is shown first.
+        The view shown first.
     pool : Pool, optional
-        The threads that compute; None makes them.
+        The threads that compute; None creates them.
     listener : callable, optional
-        Gets lists of messages that belong together, from any thread: ("view", View), ("plane", Plane),
-        ("hatch", Plane), ("point", Point), ("line", Line), ("curves", Curves or None), ("others", list of Other),
-        ("pins", list of Point), ("late", whether the plane was left for lack of time) and ("message", str).
+        Called with lists of messages that belong together, from any thread: ("view", View), ("plane", Plane), ("hatch",
+        Plane), ("point", Point), ("line", Line), ("curves", Curves or None), ("others", list of Other), ("pins", list
+        of Point), ("late", whether the plane was suspended for lack of time) and ("message", str).
     stored : callable, optional
-        Given a view, returns a `Plane` taken from a stored sweep, or None.
+        Returns the `Plane` of a view from a stored sweep, or None.
     find : callable, optional
-        Returns the model of a name, as links have it.
+        Returns the model of a name in links.
 
     Notes
     -----
-    Whatever a change makes out of date is cancelled: a plane, a diagram and the search for coexisting motions within
-    some 0.1 s, a second where single motions take so long; the search for boundaries within 0.5 s; a click's own
-    motion runs to its end, some 20 ms, seconds at the corners of what is allowed. All methods may be called from any
+    A change cancels all work that it makes obsolete: a plane, a diagram and the search for coexisting motions within
+    about 0.1 s (1 s if single motions take that long), the search for boundaries within 0.5 s. The motion of a click
+    runs to its end, in about 20 ms, or seconds at the limits of the parameters. All methods may be called from any
     thread.
     """
 
@@ -83,7 +83,7 @@ class Explorer:
         self._past: list[View] = []
         self._future: list[View] = []
         self._gesture: tuple[str, float] = ("", 0.0)
-        self._refused = False  # whether a message still says so
+        self._refused = False  # whether its message is still shown
         self._refinement: Refinement | None = None  # of this view's plane
 
     @property
@@ -93,11 +93,11 @@ class Explorer:
 
     @property
     def busy(self) -> bool:
-        """Whether something is being computed, or soon will be."""
+        """Whether a job is running or scheduled."""
         return not self._started or self._work.busy
 
     def wait(self, seconds: float = 60.0) -> bool:
-        """Wait until nothing is left to compute; return False if that takes longer."""
+        """Wait until all work is done; return False on timeout."""
         return self._work.wait(seconds)
 
     def start(self) -> None:
@@ -121,31 +121,31 @@ class Explorer:
         if self._owns_pool:
             self._work.pool.close()
 
-    # ---- what a person does
+    # ---- user actions
 
     def set(self, gesture: str = "", **changes: Any) -> bool:
-        """Change parts of the view by their names; a refused change is answered and changes nothing."""
+        """Change fields of the view by name; a refused change sends a message and changes nothing."""
         return self._show(lambda view: replace(view, **changes), gesture)
 
     def set_parameter(self, name: str, value: Any) -> bool:
-        """Change one parameter, as typed or slid; where it is refused, the view is sent again."""
+        """Change one parameter, as typed or by its slider; if refused, the view is sent again."""
         changed = self._show(lambda view: _moved(view, {name: typed_number(view.table[name], value)}), name)
         if not changed:
             self.resend()
         return changed
 
     def resend(self) -> None:
-        """Send the view again, to a page that shows something that was refused."""
+        """Send the view again, to reset a page after a refused change."""
         self._send(("view", self.view))
 
     def click(self, x: Any, y: Any) -> bool:
-        """Choose a point of the plane."""
+        """Select a point of the plane."""
         return self._show(
             lambda view: _moved(view, {view.x: rounded(x, view.x_range), view.y: rounded(y, view.y_range)}), "click"
         )
 
     def zoom(self, x_range: Range, y_range: Range) -> bool:
-        """Show another part of the plane, as far as it can be computed."""
+        """Show another part of the plane, within the limits of computation."""
         view, message = with_ranges(self.view, x_range, y_range)
         if message:
             self._send(("message", f"Zoomed as far as possible: {message}"))
@@ -155,7 +155,7 @@ class Explorer:
         return changed
 
     def set_axes(self, x: str, y: str, x_range: Range, y_range: Range) -> bool:
-        """Vary other parameters along the plane's axes, as far as it can be computed."""
+        """Vary other parameters along the plane's axes, within the limits of computation."""
         try:
             view, message = with_axes(self.view, {x: x_range, y: y_range})
         except ValueError as error:
@@ -165,11 +165,11 @@ class Explorer:
         return self.show(view, "axes")
 
     def follow(self, other: Other | None) -> bool:
-        """Start the point's motion on another attractor; None starts it from rest."""
+        """Use a state on another attractor as the initial condition of the point's motion; None means rest."""
         return self.set("start", start=None if other is None else other.start)
 
     def pin(self) -> bool:
-        """Keep the point to compare with; the oldest pin goes when there are too many, and a message says which."""
+        """Pin the point for comparison; if there are too many pins, the oldest is removed, with a message."""
         view = self.view
         if view.osc in view.pins:
             self._send(("message", f"This point is pinned already, as {LETTERS[view.pins.index(view.osc)]}."))
@@ -184,25 +184,25 @@ class Explorer:
         return changed
 
     def unpin(self) -> bool:
-        """Drop all pins."""
+        """Remove all pins."""
         return self.set("pin", pins=())
 
     def go_on(self) -> None:
-        """Go on with a plane that was left coarse for lack of time."""
+        """Resume a plane that was suspended for lack of time."""
         self._send(("late", False))
         if self._refinement is not None:
             self._refinement.go_on()
 
     def undo(self) -> bool:
-        """Go back to the view before."""
+        """Return to the previous view."""
         return self._travel(self._past, self._future)
 
     def redo(self) -> bool:
-        """Undo the last `undo`."""
+        """Reverse the last `undo`."""
         return self._travel(self._future, self._past)
 
     def _show(self, change: Callable[[View], View], gesture: str) -> bool:
-        """Show a changed view; answer where the change is refused."""
+        """Show a changed view; send a message if the change is refused."""
         try:
             view = change(self.view)
         except ValueError as error:
@@ -215,7 +215,7 @@ class Explorer:
         return self.show(view, gesture)
 
     def show(self, view: View, gesture: str = "") -> bool:
-        """Show another view; parts that stay are not computed again. Returns whether anything changed."""
+        """Show another view; unchanged parts are not computed again. Return whether anything changed."""
         with self._lock:
             if view == self.view or self.closed:
                 return False
@@ -228,7 +228,7 @@ class Explorer:
         return True
 
     def run(self, kind: str, job: Job) -> None:
-        """Run a job for this page in its turn; a second one of its kind takes the place of one that waits."""
+        """Queue a job for this page; it replaces a waiting job of the same kind."""
         self._work.submit(kind, Urgency.LINE, job)
 
     def _travel(self, origin: list[View], goal: list[View]) -> bool:
@@ -240,10 +240,10 @@ class Explorer:
             self._replace(origin.pop())
         return True
 
-    # ---- what follows
+    # ---- resulting work
 
     def _replace(self, view: View) -> None:
-        """Show another view, and compute what is different in it."""
+        """Show another view, and compute the parts that differ."""
         before, self.view = self.view, view
         moved, other_plane = view.point_key != before.point_key, view.plane_key != before.plane_key
         if moved:
@@ -281,9 +281,9 @@ class Explorer:
             try:
                 point = self._motions.of(view)
             finally:
-                with self._lock:  # the view may have changed meanwhile, and may have been sent already
+                with self._lock:  # meanwhile the view may have changed, or may have been sent
                     messages: list[Message] = [("view", self.view)] if send_view else []
-                    if point is not None and view.point_key == self.view.point_key:  # else a later job is on its way
+                    if point is not None and view.point_key == self.view.point_key:  # else a later job sends it
                         self.point = point
                         messages.append(("point", point))
                     self._send(*messages)
@@ -296,7 +296,7 @@ class Explorer:
         def job() -> None:
             pins = [self._motions.of(view, pin) for pin in view.pins]
             with self._lock:
-                if view.pins != self.view.pins:  # a later job is on its way, or was quicker
+                if view.pins != self.view.pins:  # a later job will send it, or has done so
                     return
                 self.pins = pins
                 self._send(("pins", pins))
@@ -313,21 +313,19 @@ class Explorer:
             self._refinement = Refinement(Plane.unknown(self.view), self._work, self._show_plane)
 
     def _show_plane(self, news: str, plane: Plane) -> None:
-        """Send what is new of a plane: "plane", "hatch", or that it is "late"."""
+        """Send the news of a plane: "plane", "hatch", or "late"."""
         limit = f"{work.PLANE_SECONDS:g} s"
         with self._lock:
             if plane.view.plane_key != self.view.plane_key:
                 return
             message = ""
             if news == "late":
-                message = (
-                    f"This plane takes more than {limit}: go on with it, zoom in, or sample fewer impacts per cell."
-                )
+                message = f"This plane takes more than {limit}: continue it, zoom in, or sample fewer impacts per cell."
             else:
                 if news == "plane":
                     plane.view, self.plane = self.view, plane
                 elif plane.tried is False:
-                    message = f"hatching of cells without impact from rest incomplete: stopped after {limit}"
+                    message = f"hatching of cells without impact from rest is incomplete: stopped after {limit}"
                 self._send((news, plane))
             if message:
                 self._send(("message", message), ("late", True))
@@ -346,7 +344,7 @@ class Explorer:
         self._search("others", Urgency.SEARCH, find_others, "coexisting motions", SEARCH_SECONDS)
 
     def _search(self, kind: str, urgency: Urgency, search: Search, name: str, seconds: float) -> None:
-        """Run a search; keep and send its result unless it is out of date by then."""
+        """Run a search; store and send its result unless it is obsolete by then."""
         view, stamp = self.view, self._work.renew(kind)
 
         def job() -> None:
@@ -363,7 +361,7 @@ class Explorer:
         self._work.submit(kind, urgency, job, stamp)
 
     def _failed(self, kind: str, error: Exception) -> None:
-        fault = f"The {kind} could not be computed; change the view, and please report how to reproduce this."
+        fault = f"The {kind} could not be computed. Change the view, and please report how to reproduce this error."
         self._send(("message", str(error) if isinstance(error, ValueError) else fault))
 
     def _send(self, *messages: Message) -> None:
@@ -372,5 +370,5 @@ class Explorer:
 
 
 def _moved(view: View, place: dict[str, float]) -> View:
-    """Return the view at another point, whose motion starts from rest."""
+    """Return the view at another point, with its motion from rest."""
     return replace(view, osc=view.osc.replace(**place), start=None)

@@ -1,4 +1,4 @@
-"""The colours of a plane: its scale or its categories, and the legend that explains them."""
+"""The colours of a plane: a scale or categories, and their legend."""
 
 from __future__ import annotations
 
@@ -27,30 +27,30 @@ from vibroimpact.plotting.ticks import power_of, prefixed
 KIND, PERIOD = 1e10, 1e5  # kind of motion, periods and impacts in one number
 SCALES: dict[bool, tuple[str, ...]] = {
     signed: tuple(map(to_hex, colormaps[name].resampled(number)(range(number))))
-    for signed, name, number in ((True, SIGNED, 255), (False, COLORS, 256))  # an odd number has a middle
+    for signed, name, number in ((True, SIGNED, 255), (False, COLORS, 256))  # odd: has a middle
 }
-DECADES = 6  # that a logarithmic scale spans at most
-PERCENT = 99.5  # of the cells that the colours distinguish
+DECADES = 6  # largest ratio spanned by a logarithmic scale
+PERCENT = 99.5  # share of the cells that the colours distinguish
 
 
 @dataclass(frozen=True)
 class Shades:
-    """A plane as colours: the number of every cell's colour, values and names to be read, a scale, and a legend."""
+    """A plane as colours: the colour number, value and name of every cell, a scale, and a legend."""
 
     number: NDArray[np.uint16]  # of `colors`
     value: Floats
     name: Floats  # class, periods and impacts in one number
-    colors: tuple[str, ...]  # first those of the scale
-    scale: int  # how many colours it has; 0 where there are categories alone
+    colors: tuple[str, ...]  # the colours of the scale come first
+    scale: int  # number of its colours; 0 if there are only categories
     low: float
     high: float
     title: str
     ticks: tuple[tuple[float, str], ...]  # of the colour bar
-    legend: tuple[tuple[str, str], ...]  # colours and what they stand for
+    legend: tuple[tuple[str, str], ...]  # colours and their meanings
 
 
 def shades(plane: Plane) -> Shades:
-    """Return a plane as colours; arrays have rows along y, as a picture has."""
+    """Return a plane as colours; the rows of its arrays run along y, as in a picture."""
     view, sweep = plane.view, plane.dataset()
     motion, n, p = (plane.array(key).astype(np.float64).T for key in ("motion", "n_periods", "n_impacts"))
     name = refined(motion, plane.array("status").T) * KIND + n * PERIOD + (p + 1.0)
@@ -89,14 +89,14 @@ def shades(plane: Plane) -> Shades:
 
 
 def name_of(code: float) -> str:
-    """Return the motion's name that a number of `Shades.name` stands for."""
+    """Return the name of the motion for a number of `Shades.name`."""
     kind, rest = divmod(code, KIND)
     n, p = divmod(rest, PERIOD)
     return motion_name(int(kind), int(n), int(p) - 1)
 
 
 def _categories(value: Any, name: Floats, title: str, categories: Iterator[Layer]) -> Shades:
-    """Return a plane of categories: each its colour, in the legend with its share of the cells."""
+    """Return a plane of categories, each with its colour; the legend shows their shares of the cells."""
     layers = [layer for layer in categories if layer[0].any()]
     return Shades(
         number=_numbers(layers, np.zeros(value.shape, np.uint16), 0),
@@ -113,7 +113,7 @@ def _categories(value: Any, name: Floats, title: str, categories: Iterator[Layer
 
 
 def _numbers(layers: Sequence[Layer], number: NDArray[np.uint16], first: int) -> NDArray[np.uint16]:
-    """Return numbers of colours with those of layers set, counted from `first`."""
+    """Return colour numbers, with those of the layers set from `first` on."""
     for at, (mask, _, _) in enumerate(layers, first):
         number[mask] = at
     return number
@@ -124,7 +124,7 @@ def _plain(color: str, text: str) -> str:
 
 
 def _unit(units: str, power: int) -> str:
-    """Return a unit with a prefix, or a power of ten, in brackets; nothing for a pure number."""
+    """Return a unit with a prefix or a power of ten, in brackets; empty for a pure number."""
     unit = prefixed(units, power)
     if unit is None:
         unit = f"10{str(power).translate(RAISED)} {units}".removesuffix(" 1")
@@ -132,7 +132,7 @@ def _unit(units: str, power: int) -> str:
 
 
 def _ticks(low: float, high: float, log: bool, unit: float) -> Iterator[tuple[float, str]]:
-    """Yield where the colour bar has ticks, and their labels in a unit."""
+    """Yield positions and labels of the colour bar's ticks."""
     values: Sequence[float] = []
     if log and high > 3.0 * low:
         values = LogLocator(subs=(1.0, 2.0, 5.0) if high < 3e3 * low else (1.0,)).tick_values(low, high)

@@ -1,4 +1,4 @@
-"""What the explorer shows, in one frozen value; a model is known by its table of parameters alone."""
+"""The state of the explorer as one immutable value; a model enters only by its table of parameters."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ CASES = (
 )  # fmt: skip
 LETTERS = ("A", "B")  # of the pins
 MOST_PINS = len(LETTERS)
-MOST_SHOWN = 128  # coordinates and stops to choose from
+MOST_SHOWN = 128  # most coordinates and stops to choose from
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A field of a view that has one of some values: its key and texts in an address, and its label on the page."""
+    """A field of a view with a fixed set of values: its key and texts in an address, and its label on the page."""
 
     key: str
     texts: dict[str, Any]
@@ -57,7 +57,7 @@ CHOICES = {
     "stop": Choice("stop", _same(range(MOST_SHOWN + 1)), "impacts"),
 }
 
-MINUS = re.compile(r"(?<!\w)-(?=\.?\d)|(?<=\de)-(?=\d)")  # of a number; others are hyphens
+MINUS = re.compile(r"(?<!\w)-(?=\.?\d)|(?<=\de)-(?=\d)")  # a minus sign of a number; others are hyphens
 POWERS = re.compile(r"(?<=[ms])\^?([2-4])\b")  # of lengths and times in a unit
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 SHORTER = {
@@ -98,7 +98,7 @@ GREEK = {"w": "ω", "w/2pi": "ω/2π", "zeta": "ζ", "psi/T": "ψ/T", "<I>": "�
 
 @dataclass(frozen=True)
 class View:
-    """Everything that is shown: a point, a plane through it, the colours of its cells, and what is compared.
+    """All that is shown: a point, a plane through it, the colours of its cells, and the pinned points.
 
     Parameters
     ----------
@@ -107,34 +107,34 @@ class View:
     x, y : str
         The parameters along the plane's axes.
     x_range, y_range : pairs of float
-        The part of the plane that is shown, in the parameters' units.
+        The visible part of the plane, in the parameters' units.
     index : str
         "motion" for the motion's name, or an index of `parameter_map`.
     hertz : bool
-        Whether the driving frequency is in Hz, not in rad/s: of models that have `omega`.
+        Whether the driving frequency is in Hz, not in rad/s, for models that have `omega`.
     log : bool
-        Whether colours are spread over the logarithm of the index.
+        Whether the colour scale is logarithmic.
     line : {"x", "y"}
-        Along which axis the diagram below the plane runs, through the point.
+        The axis along which the diagram below the plane runs, through the point.
     samples : int
-        Impacts sampled per cell, after 100 left out: 200, 500, 1000, 2000 or 5000.
+        Impacts sampled per cell, after a transient of 100: 200, 500, 1000, 2000 or 5000.
     worst : bool
-        Whether a cell shows the worst of several initial conditions, not what follows from rest.
+        Whether a cell shows the worst of several initial conditions instead of the motion from rest.
     boundaries : bool
         Whether exact boundaries are drawn over the plane.
     settled : bool
-        Whether the history begins on the settled motion, or at its initial condition.
+        Whether the history begins on the settled motion instead of at the initial condition.
     start : State, optional
-        Initial condition of the point's motion; None is at rest at min(0, gap).
+        Initial condition of the point's motion; None means rest at min(0, gap).
     pins : tuple of models
-        Up to two points whose motions are drawn beside the present one.
+        Up to two points whose motions are drawn together with the present one.
     case : str
-        The case that the view began with: it is described, and its sliders have its ranges; "" is none.
+        The case from which the view began, for its description and the ranges of its sliders; "" for none.
     model : str
-        What the model is called in links; "" is one mass with one stop.
+        The name of the model in links; "" for one mass with one stop.
     coordinate, stop : int
-        For systems, the coordinate that plots show, counted from 1, and the stop whose impacts they show. 0 are the
-        displacement towards that stop, or the first, and the impacts at all stops.
+        For systems, the coordinate and the stop shown in plots, counted from 1. `coordinate` 0 means the displacement
+        towards the chosen (or the first) stop; `stop` 0 means the impacts at all stops.
     """
 
     osc: Model = field(default_factory=ImpactOscillator)
@@ -177,13 +177,13 @@ class View:
                 check_limits(osc, where)
         for kind, number in (("coordinate", self.system.coordinates), ("stop", len(self.system.stops))):
             if getattr(self, kind) > number:
-                raise invalid(kind, getattr(self, kind), f"at most {number}, as many as there are")
+                raise invalid(kind, getattr(self, kind), f"at most {number}, the number available")
         if self.start is not None:
             object.__setattr__(self, "start", checked_start(self.start, self.system))
 
     @cached_property
     def table(self) -> dict[str, Parameter]:
-        """The model's parameters, by name."""
+        """The model's parameters by name."""
         return table(self.osc, self.hertz)
 
     @cached_property
@@ -192,7 +192,7 @@ class View:
         return values_of(self.osc, self.hertz)
 
     def _convert_axes(self) -> None:
-        """Have the driving frequency along an axis in the unit of the view, also where it is given in the other."""
+        """Convert the driving frequency along an axis to the unit of the view."""
         units = {"omega": ("frequency", hertz), "frequency": ("omega", radians)}
         for axis in ("x", "y"):
             other, convert = units.get(getattr(self, axis), ("", hertz))
@@ -212,28 +212,28 @@ class View:
 
     @property
     def stiffness(self) -> float:
-        """The largest stiffness in the plane, which is that of a corner: it rises or falls with each parameter."""
+        """The largest stiffness in the plane; it is at a corner, because it is monotone in each parameter."""
         return max(stiffness(osc) for osc in (self.osc, *self.corners()))
 
     @property
     def plane_key(self) -> tuple[Any, ...]:
-        """What the plane's cells depend on."""
+        """Key of the plane's cells: everything on which they depend."""
         return *self._plane, self.samples, self.worst
 
     @property
     def point_key(self) -> tuple[Any, ...]:
-        """What the point's motion depends on."""
+        """Key of the point's motion."""
         return self.osc, self.start, self.settled, self.samples, self.coordinate, self.stop
 
     @property
     def line_key(self) -> tuple[Any, ...]:
-        """What the diagram depends on."""
+        """Key of the diagram."""
         along, ends = self.along
         return along, ends, self.stop, self._fixed(along)
 
     @property
     def boundary_key(self) -> tuple[Any, ...]:
-        """What the boundaries depend on."""
+        """Key of the boundaries."""
         return (True, *self._plane) if self.boundaries else (False,)
 
     @property
@@ -241,7 +241,7 @@ class View:
         return self.x, self.y, self.x_range, self.y_range, self._fixed(self.x, self.y)
 
     def _fixed(self, *varied: str) -> tuple[Any, ...]:
-        """Return the model, and its parameters that are not varied."""
+        """Return the model and its parameters that are not varied."""
         return self.model, *(value for name, value in self.values.items() if name not in varied)
 
     def osc_value(self, axis: str) -> float:
@@ -255,7 +255,7 @@ class View:
 
 
 def _one_of(name: str, value: Any, choices: tuple[Any, ...]) -> Any:
-    """Return the choice that `value` equals."""
+    """Return the choice equal to `value`; raise `ValueError` if there is none."""
     for choice in choices:
         if isinstance(value, (str, int, float)) and value == choice:
             return choice
@@ -266,15 +266,15 @@ def _one_of(name: str, value: Any, choices: tuple[Any, ...]) -> Any:
 
 
 def table(model: Model, in_hertz: bool = False) -> dict[str, Parameter]:
-    """Return the parameters that a model has values of, by name: not those that stand for others.
+    """Return the parameters of a model by name, without those that replace others.
 
-    `in_hertz` has its `omega` replaced by the `frequency` in Hz.
+    With `in_hertz`, `omega` is replaced by the `frequency` in Hz.
     """
     return {name: model.parameters[name] for name in values_of(model, in_hertz)}
 
 
 def values_of(model: Model, in_hertz: bool = False) -> dict[str, float]:
-    """Return the values of the parameters of `table`: as frequency the shortest number that makes its omega."""
+    """Return the values of the parameters in `table`; the frequency is the shortest number that gives omega."""
     values = model.values
     if not in_hertz or "omega" not in values or "frequency" not in model.parameters:
         return values
@@ -286,7 +286,7 @@ def values_of(model: Model, in_hertz: bool = False) -> dict[str, float]:
 
 
 def typed_number(parameter: Parameter, value: Any) -> float:
-    """Return a parameter as it was typed, such as 0.5mm: in its own unit unless another one is written."""
+    """Return the value of a typed parameter, in its own unit unless another one is given, as in 0.5mm."""
     if isinstance(value, str):
         value = without_unit(parameter, value.strip().replace("−", "-"))
     if isinstance(value, str):
@@ -297,7 +297,7 @@ def typed_number(parameter: Parameter, value: Any) -> float:
 
 
 def with_minus(text: str) -> str:
-    """Return a text whose negative numbers have the minus sign of plots.
+    """Return a text with typographic minus signs in negative numbers, as in plots.
 
     Examples
     --------
@@ -308,7 +308,7 @@ def with_minus(text: str) -> str:
 
 
 def written(value: float, digits: int = 5) -> str:
-    """Return a number, very small and very large ones with a power of ten.
+    """Return a number as text; very small and very large ones have a power of ten.
 
     Examples
     --------
@@ -323,46 +323,46 @@ def written(value: float, digits: int = 5) -> str:
 
 
 def no_number(name: str, text: str, hint: str = "write it with a dot, as in 2.8") -> ValueError:
-    """Return the error for a text that is not a number."""
+    """Return the error for text that is not a number."""
     return invalid(name, text, "a number", hint)
 
 
 def rounded(value: Any, ends: Range) -> float:
-    """Return a clicked value with no more digits than a pixel distinguishes."""
+    """Return a clicked value, rounded to the digits that a pixel distinguishes."""
     value = real_number("point", value)
     return round(float(value), math.ceil(-math.log10((ends[1] - ends[0]) / 2000.0)))
 
 
 def symbol(parameter: Parameter) -> str:
-    """Return a parameter's symbol, as ω; its name in words where it has none of its own."""
+    """Return a parameter's symbol, such as ω; its name if it has no symbol."""
     has_symbol = parameter.symbol and parameter.symbol != parameter.name
     return GREEK.get(parameter.symbol, parameter.symbol) if has_symbol else _words(parameter)
 
 
 def _words(parameter: Parameter) -> str:
-    """Return the name in words; a unit that it ends with is shown beside it anyhow."""
+    """Return the name in words, without a unit at its end, which is shown separately."""
     name = SHORTER.get(parameter.long_name, parameter.long_name)
     return name.removesuffix(f" {parameter.unit}")
 
 
 def shown_unit(unit: str) -> str:
-    """Return a unit as it is shown, m/s² for m/s^2: nothing for a pure number."""
+    """Return a unit as shown, such as m/s² for m/s^2; empty for a pure number."""
     return "" if unit == "1" else POWERS.sub(lambda power: power[1].translate(RAISED), unit)
 
 
 def quantity_of(parameter: Parameter, value: float) -> str:
-    """Return 'ω = 157 rad/s'."""
+    """Return a parameter with its value and unit, such as 'ω = 157 rad/s'."""
     return f"{symbol(parameter)} = {written(value)} {shown_unit(parameter.unit)}".strip()
 
 
 def parameter_label(parameter: Parameter, units: bool = True) -> str:
-    """Return 'driving frequency ω [rad/s]'."""
+    """Return the label of a parameter, such as 'driving frequency ω [rad/s]'."""
     name = _words(parameter)
     return _labelled(name if symbol(parameter) == name else f"{name} {symbol(parameter)}", parameter.unit, units)
 
 
 def index_label(index: Index, units: bool = True, shorter: bool = False) -> str:
-    """Return 'Std of impact velocities [m/s]', and 'Std of velocities [m/s]' where there is less room."""
+    """Return the label of an index, such as 'Std of impact velocities [m/s]', with a short form for tables."""
     name = SHORT.get(index.long_name, index.long_name)
     return _labelled(SHORTEST.get(index.long_name, name) if shorter else name, index.units, units)
 

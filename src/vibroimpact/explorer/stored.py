@@ -1,4 +1,4 @@
-"""A stored sweep as a view."""
+"""Views of stored sweeps."""
 
 from __future__ import annotations
 
@@ -27,28 +27,28 @@ from vibroimpact.parameters import Parameter, check_fits
 
 
 def open_study(path: str | os.PathLike[str], model: Model | None = None, name: str = "") -> tuple[View, Stored, Find]:
-    """Return the view that shows all of a stored sweep, what gives a session its cells, and what finds its model.
+    """Return the view of a whole stored sweep, the function that returns its cells, and the one that finds its model.
 
     Parameters
     ----------
     path : path
         A sweep over two or more parameters: a `.zarr` folder or an `.nc` file.
     model : ImpactOscillator, ImpactSystem or family, optional
-        What it was made from: needed of a family of one's own, which no file holds.
+        The model of the sweep; required for your own family, which is not stored in the file.
     name : str
-        What links call the model.
+        The name of the model in links.
 
     Raises
     ------
     ValueError
-        It is not a sweep over two parameters of its model, which is not known, or exceeds the limits of a page.
+        The file is not a sweep over two parameters of its model, the model is unknown, or a page's limits are exceeded.
     OSError
-        It cannot be read.
+        The file cannot be read.
 
     Notes
     -----
-    All that is shown is read at once, 256 x 256 cells at most: the store may be removed, or continue to grow, while
-    pages are open. A frequency in Hz is shown in Hz.
+    All cells shown, at most 256 x 256, are read at once; the store may be removed or grow while pages are open. A sweep
+    over frequency in Hz is shown in Hz.
     """
     try:
         return _view_of(path, model, name)
@@ -101,7 +101,7 @@ def _read(path: str | os.PathLike[str]) -> xr.Dataset:
         try:
             store = SweepStore(path)
         except OSError:
-            pass  # a result that was saved whole
+            pass  # a result that was saved in one piece
         else:
             return store.dataset()
     return load(path)
@@ -117,7 +117,7 @@ def _model_of(
             values = json.loads(sweep.attrs["model"])
             family = str(values.pop("family"))
             if model is None and family not in models.__all__:
-                raise ValueError(f"it was made from a family {family!r}; say where that is, with --model FILE.py:NAME")
+                raise ValueError(f"it was computed from the family {family!r}; give its file with --model FILE.py:NAME")
             if model is None:
                 model, name = ready_made(family), family
             model = model.replace(**values)
@@ -160,7 +160,7 @@ def _within(parameter: Parameter, edge: float, value: float) -> float:
 
 
 def _origin(sweep: xr.Dataset) -> str:
-    """Return from where the motions of a stored sweep began, as far as it says so."""
+    """Return the initial condition of a stored sweep as text, as far as it is recorded."""
     try:
         start = json.loads(sweep.attrs["arguments"])["start"]
     except (KeyError, TypeError, ValueError):
@@ -169,13 +169,13 @@ def _origin(sweep: xr.Dataset) -> str:
 
 
 def _nearest(values: Any, places: Any) -> Any:
-    """Return which of increasing values is nearest to each place."""
+    """Return the index of the nearest of increasing values for each place."""
     after = np.searchsorted(values, places).clip(1, len(values) - 1)
     return after - (places - values[after - 1] <= values[after] - places)
 
 
 def _plane(view: View, sweep: xr.Dataset, name: str) -> tuple[Plane, frozenset[str]]:
-    """Return the sweep on the finest lattice, each cell that of the nearest stored value, and the indices it holds."""
+    """Return the sweep on the finest lattice, taking the nearest stored cell for each, and the indices stored."""
     cells = np.arange(FINEST)
     where = [
         _nearest(sweep[axis].values, positions(*ends, cells))
@@ -185,7 +185,7 @@ def _plane(view: View, sweep: xr.Dataset, name: str) -> tuple[Plane, frozenset[s
         near = sweep.isel({view.x: where[0], view.y: where[1]})
         check_fits("store", f"is {name!r}, of which what is shown takes", near.nbytes, "it is damaged")
         near = near.load()
-    except (RuntimeError, OSError) as error:  # raised for a damaged tile
+    except (RuntimeError, OSError) as error:  # a damaged tile
         raise OSError(f"`store`: a tile of {name!r} cannot be read ({error}); run the sweep again") from error
     plane = Plane.unknown(view)
     growth = "lyapunov_per_impact" in near or ("lyapunov" in near and "impacts_per_period" in near)

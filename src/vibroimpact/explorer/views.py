@@ -1,4 +1,4 @@
-"""The plane, the point's motion and the diagram as the page is sent them."""
+"""The messages to the page for the plane, the point's motion and the diagram."""
 
 from __future__ import annotations
 
@@ -36,21 +36,21 @@ from vibroimpact.status import Status
 MOST_LISTED = 5  # motions
 TRIED_THERE = f"impacts spread over phases 0 to 1 and velocities 0 to {FASTEST:g} V, V = max(f, k |g|)/√(km)"
 PINS = (RED, GREEN)
-COLORS = ("blue", "red", "green")  # of the present motion and the pinned ones: those of figures, lighter on a dark page
+COLORS = ("blue", "red", "green")  # of the present and the pinned motions: as in figures, lighter on a dark page
 SHOWN_PERIODS = 6
 
 
-Parts = dict[str, dict[str, Any]]  # of the page, by names that its script knows; "#numbers" is html for that element
+Parts = dict[str, dict[str, Any]]  # by names that the page's script knows; "#numbers" is the HTML of that element
 
 
 class PlaneView:
-    """The plane, its legend, and what lies over it."""
+    """The plane, its legend, and its overlays."""
 
     def __init__(self) -> None:
         self._hatched: Plane | None = None
 
     def show_view(self, view: View) -> Parts:
-        """Put ranges, labels, the point and the pins where the view has them."""
+        """Update ranges, labels, the point and the pins from the view."""
         both = [view.table[name] for name in (view.x, view.y)]
         home = {
             "x": view.x_range,
@@ -67,7 +67,7 @@ class PlaneView:
         return {"plane_home": home, "marks": marks}
 
     def show_plane(self, plane: Plane) -> Parts:
-        """Show a plane as far as it is known."""
+        """Show the cells of a plane computed so far."""
         colours, view = shades(plane), plane.view
         named = not colours.scale
         motions, names = np.unique(colours.name, return_inverse=True)
@@ -76,7 +76,7 @@ class PlaneView:
             "shape": colours.number.shape,
             "x": view.x_range,
             "y": view.y_range,
-            "cells": colours.number[::-1].ravel(),  # the upper row first, as in pictures
+            "cells": colours.number[::-1].ravel(),  # upper row first, as in pictures
             "values": [] if named else colours.value.ravel(),
             "names": names.ravel().astype(np.uint16),
             "motions": [name_of(code) for code in motions.tolist()],
@@ -95,12 +95,12 @@ class PlaneView:
         head = f"<b>{escape(colours.title)}</b> {whence} <span title='{took}'>{cells}</span>"
         legend = " ".join(_legend_entry(color, label) for color, label in colours.legend)
         parts: Parts = {"plane": picture, "#plane-head": {"html": head}, "#colours": {"html": legend}}
-        if self._hatched is not None and plane is not self._hatched:  # what is hatched belongs to its plane
+        if self._hatched is not None and plane is not self._hatched:  # hatching belongs to its plane
             parts |= self.show_hatch(None)
         return parts
 
     def show_hatch(self, plane: Plane | None) -> Parts:
-        """Hatch the cells that have no impact from rest, but from other initial conditions, as far as that is known."""
+        """Hatch the cells with impacts only from other initial conditions than rest, as far as known."""
         self._hatched, side, words = plane, 0, ""
         if plane is not None:
             side = FINEST if plane.tried is not None and (plane.elsewhere > 0.0).any() else 0
@@ -117,8 +117,8 @@ class PlaneView:
 
     @staticmethod
     def show_late(late: bool) -> Parts:
-        """Offer to go on with a plane that was left for lack of time."""
-        button = "<button type='button' value='go_on' title='Compute for as long again'>Go on</button>"
+        """Offer to resume a plane that was suspended for lack of time."""
+        button = "<button type='button' value='go_on' title='Compute for the same time again'>Continue</button>"
         return {"#late": {"html": button if late else ""}}
 
     def show_curves(self, curves: Curves | None) -> Parts:
@@ -149,13 +149,13 @@ def _legend_entry(color: str, label: str) -> str:
 
 
 class PointView:
-    """Four plots of the present motion, with those of up to two pinned ones beside it."""
+    """Four plots of the present motion and up to two pinned motions."""
 
     def __init__(self) -> None:
         self._point: Point | None = None
         self._pins: list[Point] = []
         self._others: list[Other] = []
-        self.hertz = False  # how frequencies are shown
+        self.hertz = False  # unit of frequencies
 
     def show_point(self, point: Point) -> Parts:
         """Draw the present motion."""
@@ -164,7 +164,7 @@ class PointView:
         single = system.coordinates == 1 and bool(np.max(system.stiffness) > 0.0)
         facts = {
             "period": system.period,
-            "single": single,  # one mass on a spring, and then whether a sine drives it
+            "single": single,  # whether it is one mass on a spring, and if so, driven by a sine
             "force": 1.0 if single and _sine(system) else 0.0,
             "label": point.shown.name,
             "low": float(reached.min()),
@@ -180,7 +180,7 @@ class PointView:
         }
 
     def show_pins(self, pins: list[Point]) -> Parts:
-        """Draw the pinned motions beside it."""
+        """Draw the pinned motions."""
         self._pins, parts = pins, {}
         for slot in (1, 2):
             parts[f"motion_{slot}"] = {"slot": slot, **_motion(pins[slot - 1] if slot <= len(pins) else None)}
@@ -189,12 +189,12 @@ class PointView:
         return parts
 
     def show_others(self, others: list[Other]) -> Parts:
-        """List the motions that other initial conditions lead to."""
+        """List the motions reached from other initial conditions."""
         self._others = others
         return {"#others": {"html": _coexistence(others, self._point)}}
 
     def _frame(self) -> dict[str, Any]:
-        """Fit the axes to what is drawn, without zooming into rounding."""
+        """Fit the axes to the data, without zooming into rounding errors."""
         assert self._point is not None
         drawn, system = [self._point, *self._pins], self._point.system
         y = np.concatenate([point.history["displacement"] for point in drawn])
@@ -224,12 +224,12 @@ def _coexistence(others: list[Other], point: Point | None) -> str:
     listed = [f"{_part(other.share)} {escape(other.name)}{_hardest(other)}" for other in others[:MOST_LISTED]]
     undecided = 1.0 - sum(other.share for other in others)
     listed += [f"{len(others) - MOST_LISTED} more motions"] if len(others) > MOST_LISTED else []
-    listed += [f"{_part(undecided)} not decided"] if undecided > 0.5 / SPREAD else []
+    listed += [f"{_part(undecided)} undecided"] if undecided > 0.5 / SPREAD else []
     return f"<span title='{TRIED_THERE}'>From {SPREAD} other initial conditions: {', '.join(listed)}.</span>"
 
 
 def _part(share: float) -> str:
-    """Return a share of the initial conditions; an orbit that is known exactly may attract none of them."""
+    """Return a share of the initial conditions as text; an exactly known orbit may attract none of them."""
     if 0.0 < share < 0.01:
         return "<1 %"
     return "none" if not share else f"{100 * min(share, 0.99 if share < 1.0 else 1.0):.0f} %"
@@ -240,7 +240,7 @@ def _hardest(other: Other) -> str:
 
 
 def numbers_table(point: Point, pins: list[Point], hertz: bool = False) -> str:
-    """Return all indices of the point, and of the pins beside them, as HTML; beside pins names are shorter."""
+    """Return all indices of the point and the pins as an HTML table; with pins, names are shorter."""
     points = [point, *pins]
     rows = []
     for name, index in INDICES.items():
@@ -269,7 +269,7 @@ def _row(label: str, values: list[str], title: str) -> str:
 
 
 def _motion(point: Point | None) -> dict[str, Any]:
-    """Return the columns of a motion's plots, laid end to end; None is nothing."""
+    """Return the data of a motion's plots, concatenated; None gives empty arrays."""
     if point is None:
         return {"walls": [], "begin": 0.0, "turn": 0, "lengths": {}, "values": []}
     time = point.history["time"]
@@ -297,20 +297,20 @@ def _motion(point: Point | None) -> dict[str, Any]:
 
 
 def _places(point: Point) -> list[Any]:
-    """Return the places of the walls during the history, one of those that stay where they are."""
+    """Return the positions of the walls during the history, one value for a fixed wall."""
     shown, time = point.shown, point.history["time"]
     return [shown.place(wall, time if shown.moves(wall) else np.zeros(min(1, len(time)))) for wall in shown.walls]
 
 
 def _sine(system: Any) -> bool:
-    """Whether a single coordinate is driven by a sine of its own sense: the page turns its arrow so."""
+    """Whether a single coordinate is driven by a sine in its own direction; the page draws its arrow accordingly."""
     form = system.modal()
     force = form.forces[form.orders == 1]
     return bool(force.real.any() and (force.real >= 0.0).all()) and not force.imag.any()
 
 
 def one_turn(point: Point) -> int:
-    """Return the number of samples that show all of the orbit: those of a cycle where the history is cycles alone."""
+    """Return the number of samples that show the whole orbit: those of one cycle if the history only repeats."""
     time = point.history["time"]
     if not (point.settled and point.n_periods and time.size):
         return int(time.size)
@@ -319,7 +319,7 @@ def one_turn(point: Point) -> int:
 
 
 def show_ends(view: View) -> Parts:
-    """Put range and label of the diagram where the view has them."""
+    """Update range and label of the diagram from the view."""
     parameter, ends = view.along
     return {
         "line_home": {"x": ends, "label": parameter_label(view.table[parameter])},

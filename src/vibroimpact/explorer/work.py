@@ -1,4 +1,4 @@
-"""Who computes what, and when: threads that all pages share, the jobs of one page, and the lattices of its plane."""
+"""Scheduling: threads shared by all pages, the jobs of one page, and the lattices of its plane."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from vibroimpact.explorer.plane import TRIED, KeepGoing, Plane, bands, sides
 
 Job = Callable[[], None]
 
-NICE = 10  # niceness of threads whose work can wait: a tenth of the processor where a click wants it
-CALM = 1.0  # s without a click before the last thread turns to work that can wait
-PLANE_SECONDS = 30.0  # that all threads may spend on a plane, time in the queue excluded
+NICE = 10  # niceness of threads with deferrable work: a tenth of a core while a click needs it
+CALM = 1.0  # s without a click before the last thread takes deferrable work
+PLANE_SECONDS = 30.0  # s of all threads for one plane, without time in the queue
 log = logging.getLogger(__name__)
 
 
 class Urgency(IntEnum):
-    """What is done first."""
+    """Priorities of jobs, the most urgent first."""
 
     CLICK = 0  # motions
-    COARSE = 1  # the plane that a change shows first
-    LINE = 2  # diagrams: every click makes one anew, so that they would take the core from the next click
-    FINE = 3  # what makes a plane finer
-    SEARCH = 4  # what may take many seconds
+    COARSE = 1  # the first lattice of a changed plane
+    LINE = 2  # diagrams: each click needs a new one, which would delay the next click
+    FINE = 3  # finer lattices
+    SEARCH = 4  # searches, which may take many seconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,21 +46,21 @@ class _Waiting:
 
 
 class Pool:
-    """Threads that run the jobs of many owners; one more runs only clicks, and one only searches.
+    """Threads that run the jobs of many owners; one extra thread runs only clicks, and one only searches.
 
-    So no click waits for planes, and no plane for searches, which may take many seconds. Of equally urgent jobs the
-    owner that waited longest is served first.
+    So clicks never wait for planes, nor planes for searches, which may take many seconds. Among equally urgent jobs,
+    the owner that has waited longest is served first.
 
     Parameters
     ----------
     workers : int, optional
-        Threads besides those two; None is one per core.
+        Number of threads besides those two; None means one per core.
     """
 
     def __init__(self, workers: int | None = None) -> None:
         self.workers = worker_count(workers)
         self._waiting: list[_Waiting] = []
-        self._served: dict[Hashable, int] = {}  # when each owner was last served, in turns
+        self._served: dict[Hashable, int] = {}  # turn at which each owner was last served
         self._numbers = count()
         self._changed = threading.Condition()
         self._open = True
@@ -77,7 +77,7 @@ class Pool:
             thread.start()
 
     def submit(self, owner: Hashable, urgency: Urgency, job: Job) -> None:
-        """Queue a job; the job itself must check whether it is still wanted."""
+        """Queue a job; the job itself must check whether it is still needed."""
         with self._changed:
             self._waiting.append(_Waiting(urgency, next(self._numbers), owner, job))
             if urgency == Urgency.CLICK:
@@ -85,7 +85,7 @@ class Pool:
             self._changed.notify_all()
 
     def forget(self, owner: Hashable) -> list[Job]:
-        """Drop and return all that an owner has queued."""
+        """Remove and return all queued jobs of an owner."""
         with self._changed:
             dropped = [waiting.job for waiting in self._waiting if waiting.owner == owner]
             self._waiting = [waiting for waiting in self._waiting if waiting.owner != owner]
@@ -94,12 +94,12 @@ class Pool:
 
     @property
     def queued(self) -> int:
-        """How many jobs wait."""
+        """Number of waiting jobs."""
         with self._changed:
             return len(self._waiting)
 
     def close(self) -> None:
-        """Let the threads end; queued jobs are dropped."""
+        """Stop the threads; queued jobs are dropped."""
         with self._changed:
             self._open = False
             self._waiting.clear()
@@ -115,10 +115,10 @@ class Pool:
                 job()
             except Exception:
                 log.exception("a job of the explorer failed")
-            del job  # it refers to its page, which may be gone before the next one comes
+            del job  # the job keeps its page alive, which may be closed before the next job comes
 
     def _next(self, duty: tuple[Urgency, ...], yields: bool) -> Job | None:
-        """Return the next thing to do; while people click, a thread that yields leaves its core to them."""
+        """Return the next job; while there are clicks, a low-priority thread leaves its core to them."""
         with self._changed:
             while self._open:
                 busy = yields and time.monotonic() - self._clicked < CALM
@@ -136,23 +136,23 @@ class Pool:
 
 
 def _lower_priority() -> None:
-    """Let clicks, the server and browsers on this machine have the processor before the calling thread."""
-    if sys.platform == "linux":  # elsewhere a thread has no niceness of its own
+    """Give clicks, the server and local browsers priority over the calling thread."""
+    if sys.platform == "linux":  # only on Linux do threads have their own niceness
         with contextlib.suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
 
 
 class Work:
-    """Jobs of one page in the shared pool; a newer job of a kind makes the older ones out of date.
+    """Jobs of one page in the shared pool; a newer job of a kind makes older ones obsolete.
 
     Parameters
     ----------
     pool : Pool
         The threads.
     failed : callable
-        Gets the kind and the exception of a job that failed.
+        Called with the kind and the exception of a failed job.
     rested : callable
-        Called whenever nothing is left to do.
+        Called whenever all work is done.
     """
 
     def __init__(
@@ -167,17 +167,17 @@ class Work:
         self._timers: dict[str, threading.Timer] = {}
 
     def renew(self, kind: str) -> int:
-        """Make all work of a kind out of date; return the stamp of what comes now."""
+        """Make all work of a kind obsolete; return the stamp of new work."""
         with self.lock:
             self._stamps[kind] = self._stamps.get(kind, 0) + 1
             return self._stamps[kind]
 
     def wanted(self, kind: str, stamp: int) -> bool:
-        """Whether work with this stamp is not out of date."""
+        """Whether work with this stamp is still current."""
         return self._stamps.get(kind) == stamp and not self.closed
 
     def submit(self, kind: str, urgency: Urgency, job: Job, stamp: int | None = None) -> None:
-        """Queue a job; without a stamp it takes the place of all of its kind."""
+        """Queue a job; without a stamp it replaces all jobs of its kind."""
         stamp = self.renew(kind) if stamp is None else stamp
         with self.lock:
             if self.closed:
@@ -186,7 +186,7 @@ class Work:
             self.pool.submit(self, urgency, partial(self._run, kind, stamp, job))
 
     def later(self, kind: str, seconds: float, renew: Callable[[], None]) -> None:
-        """Call `renew` after a delay; work of the kind is out of date at once."""
+        """Call `renew` after a delay; work of the kind is obsolete at once."""
         self.renew(kind)
 
         def due() -> None:
@@ -207,7 +207,7 @@ class Work:
             timer.start()
 
     def close(self) -> None:
-        """Drop what is queued and let what runs end soon."""
+        """Drop queued jobs and make running jobs end soon."""
         with self.lock:
             self.closed = True
             for timer in self._timers.values():
@@ -218,12 +218,12 @@ class Work:
 
     @property
     def busy(self) -> bool:
-        """Whether something runs, is queued or will be."""
+        """Whether a job is running, queued or scheduled."""
         with self.lock:
             return bool(self._running or self._timers)
 
     def wait(self, seconds: float) -> bool:
-        """Wait until nothing is left to do; return False if that takes longer."""
+        """Wait until all work is done; return False on timeout."""
         deadline = time.monotonic() + seconds
         with self._idle:
             while self.busy:
@@ -254,7 +254,7 @@ class Work:
 
 
 class Clock:
-    """Whether a search is still wanted, and has time left; `complete` says whether that was so whenever it asked."""
+    """Time limit of a search, which also ends if obsolete; `complete` says whether the search was never stopped."""
 
     def __init__(self, wanted: Callable[[], bool], seconds: float) -> None:
         self._wanted, self._deadline, self.complete = wanted, clock() + seconds, True
@@ -266,20 +266,20 @@ class Clock:
 
 
 class Refinement:
-    """The work on one plane: lattice by lattice, then other initial conditions of cells that have no impact from rest.
+    """The work on one plane: its lattices, then other initial conditions for cells without impact from rest.
 
-    A later one of the same page makes it out of date.
+    A later plane of the same page makes it obsolete.
 
     Parameters
     ----------
     plane : Plane
-        What is filled.
+        The plane to fill.
     work : Work
         The page's jobs.
     tell : callable
-        Gets "plane" and the plane whenever a lattice is complete; "hatch" and the plane when other initial conditions
-        begin to be tried, and when that has ended; "late" and the plane when its lattices take longer than
-        `PLANE_SECONDS`: then it waits to `go_on`.
+        Called with "plane" and the plane whenever a lattice is complete; with "hatch" and the plane at the beginning
+        and end of the trial of other initial conditions; with "late" and the plane if its lattices take longer than
+        `PLANE_SECONDS`: it then waits for `go_on`.
     """
 
     def __init__(self, plane: Plane, work: Work, tell: Callable[[str, Plane], None]) -> None:
@@ -295,7 +295,7 @@ class Refinement:
         return self._level == len(self._sides)
 
     def _queue(self, level: int) -> None:
-        """Begin a lattice, or after the last one the other initial conditions."""
+        """Begin the next lattice or, after the last one, the other initial conditions."""
         self._level, view = level, self.plane.view
         if self._hatching:
             self._spent = 0.0
@@ -316,7 +316,7 @@ class Refinement:
             self._work.submit("plane", urgency, partial(self._run, job, self._stamp), self._stamp)
 
     def go_on(self) -> None:
-        """Take up again what was left for lack of time."""
+        """Resume work suspended for lack of time."""
         with self._work.lock:
             if self._work.wanted("plane", self._stamp) or not self._unfilled:
                 return
@@ -324,7 +324,7 @@ class Refinement:
         self._submit()
 
     def _run(self, job: Callable[[KeepGoing], bool], stamp: int) -> None:
-        """Compute a part; the last one of a lattice shows it and begins the next."""
+        """Compute a part; after the last part of a lattice, show the lattice and begin the next."""
         begun, level = clock(), self._level
         keep_going = Clock(
             lambda: self._work.wanted("plane", stamp), PLANE_SECONDS * self._work.pool.workers - self._spent
@@ -332,11 +332,11 @@ class Refinement:
         try:
             filled = keep_going() and job(keep_going)
         except Exception:
-            self._give_up(stamp)  # the other parts would fail as well
+            self._give_up(stamp)  # the other parts would fail, too
             raise
         with self._work.lock:
             self._spent += clock() - begun
-            # A job that was under way when the plane was left and went on may be done twice.
+            # A job in progress when the plane was suspended and resumed may be done twice.
             if filled and job in self._unfilled:
                 self._unfilled.remove(job)
             complete = self._work.wanted("plane", stamp) and not self._unfilled
@@ -349,7 +349,7 @@ class Refinement:
             self._tell("late" if level < len(self._sides) else "hatch", self.plane)
 
     def _give_up(self, stamp: int) -> bool:
-        """Drop the rest of the plane; return whether it was wanted until now."""
+        """Drop the rest of the plane; return whether it was still current."""
         with self._work.lock:
             wanted = self._work.wanted("plane", stamp)
             if wanted:

@@ -1,4 +1,4 @@
-"""Whether the mass can move along an orbit: the engine's certified contacts, and near-misses in closed form."""
+"""Check that the mass can move along an orbit: certified contacts of the engine, near-misses in closed form."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from vibroimpact.kernels.flight import REACH
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.orbits.equations import SAME, TURN, Cycle, Flight, Floats, fastest_of, flight_of, parameters_of
 
-ROUNDING = 1e-12  # of the orbit's size: the sign of a gap this small is undecided
-LOWEST = 3  # sampled near-misses that are looked at closely
+ROUNDING = 1e-12  # relative to the orbit's size: the sign of a smaller gap is undecided
+LOWEST = 3  # number of sampled near-misses that are refined
 
 
 @dataclass(frozen=True)
 class NearMiss:
-    """Where a flight comes closest to the stop between its ends: flight, turns, gap in m (negative: penetrating)."""
+    """Closest approach of a flight to the stop between its ends: flight, turns, gap in m (negative: penetration)."""
 
     flight: int
     turns: float
@@ -27,14 +27,14 @@ class NearMiss:
 
 
 def contacts(osc: ImpactOscillator, phases: Floats, velocities: Floats, following: int) -> list[Samples]:
-    """Return the impacts that follow one at each phase and velocity, itself the first of them."""
+    """Return, for an impact at each phase and velocity, that impact and those that follow it."""
     cells = cells_at(osc, np.zeros(len(phases)), np.asarray(velocities, float), np.asarray(phases, float))
-    cells = cells.replace(phase=np.minimum(cells["phase"], 1.0 - 2.0**-53))  # a whisker below 1 rounds up to 1
+    cells = cells.replace(phase=np.minimum(cells["phase"], 1.0 - 2.0**-53))  # a phase just below 1 may round up to 1
     return get_backend("cpu").samples(cells, Measurement(ImpactWindow(0, following + 1)))
 
 
 def orbit_size(osc: ImpactOscillator, z: Floats) -> float:
-    """Return a length in m against which a gap along the orbit is small or not."""
+    """Return the length scale of the orbit in m, with which gaps along it are compared."""
     fastest = max(osc.omega, osc.natural_frequency)
     return float(np.abs(z[len(z) // 2 :]).max()) / fastest + osc.velocity_scale / osc.natural_frequency
 
@@ -64,7 +64,7 @@ def closest(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> NearMiss | None:
 
 
 def _minimum(flight: Flight, angle: float, rate: float, low: float, high: float) -> tuple[float, float]:
-    """Return the time when the rate passes zero upwards between two times, and the gap there: Newton in a bracket."""
+    """Return the time between two times at which the rate rises through zero, and the gap there (bracketed Newton)."""
     time = 0.5 * (low + high)
     for _ in range(60):
         gap, slope = flight.after(angle, rate, time)
@@ -80,10 +80,10 @@ def _minimum(flight: Flight, angle: float, rate: float, low: float, high: float)
 
 
 def objection(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
-    """Return why the mass cannot move along this orbit; empty if it can.
+    """Return the reason why the mass cannot move along this orbit; empty if it can.
 
-    The engine follows each flight from its impact: its next certified contact must be the orbit's next impact. Where a
-    near-miss or an impact is within rounding of a graze the closed form decides.
+    The engine follows each flight from its impact: its next certified contact must be the orbit's next impact. If a
+    near-miss or an impact is within rounding of a graze, the closed form decides.
     """
     p = cycle.n_impacts
     speeds, fastest = z[p:], fastest_of(osc, z[p:])
@@ -98,7 +98,7 @@ def objection(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
     if max(turns) * a_turn > MOST:
         i = int(np.argmax(turns))
         return (
-            f"the flight after impact {i + 1} takes some {turns[i] * a_turn:.1g} certified steps: it was not followed"
+            f"the flight after impact {i + 1} needs about {turns[i] * a_turn:.1g} certified steps: it was not checked"
         )
     for i, samples in enumerate(contacts(osc, z[:p], speeds, 1)):
         begin, end = cycle.span(z, i)
@@ -111,7 +111,7 @@ def objection(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
 
 
 def _beyond(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
-    """Return the sentence on where a flight penetrates the stop between its ends; empty if none does."""
+    """Return a sentence that says where a flight penetrates the stop between its ends; empty if none does."""
     for miss in nearest_misses(osc, cycle, z):
         if miss.gap < -ROUNDING * orbit_size(osc, z):
             return f"after impact {miss.flight + 1} the mass would penetrate the stop at phase {miss.turns % 1.0:.6g}"
@@ -119,7 +119,7 @@ def _beyond(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
 
 
 def _first_difference(samples: Samples, turns: float, velocity: float, largest: float) -> str:
-    """Return the sentence on what the engine meets before an impact expected some turns later; empty if nothing."""
+    """Return a sentence on what the engine finds before the impact expected `turns` later; empty if nothing."""
     if len(samples.stick_phase):
         return f"the mass comes to rest at the stop at phase {samples.stick_phase[0]:.6g}"
     if len(samples.impact_phase) < 2:
@@ -131,5 +131,5 @@ def _first_difference(samples: Samples, turns: float, velocity: float, largest: 
         return ""
     return (
         f"the mass first hits the stop at phase {samples.impact_phase[1]:.6g} "
-        f"with {samples.impact_velocity[1]:.3g} m/s, not where the orbit's next impact would be"
+        f"with {samples.impact_velocity[1]:.3g} m/s, before or after the orbit's next impact"
     )

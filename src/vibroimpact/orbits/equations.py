@@ -1,28 +1,28 @@
 r"""The equations of a period-n impact-p orbit, and its stability.
 
-Unknown are the turns s_i (times of impacts in driving periods) and the velocities v_i just before them, i = 1 ... p,
-with s_{p+1} = s_1 + n. Flight i leaves the stop at s_i with velocity -r v_i and must come back at s_{i+1} with
+The unknowns are the turns s_i (times of the impacts in driving periods) and the velocities v_i just before them, i = 1
+... p, with s_{p+1} = s_1 + n. Flight i leaves the stop at s_i with velocity -r v_i and must come back at s_{i+1} with
 v_{i+1}:
 
     u_i(s_{i+1}) = 0,    -u_i'(s_{i+1}) = v_{i+1}.
 
-They are smooth even where the mass could not move so, which is how a branch passes a graze.
+They stay smooth where the orbit would penetrate the stop, so a branch can be continued through a graze.
 
-Each flight is known in closed form, by one formula at any damping, at resonance and beside it. The gap u = g - y obeys
-m u'' + c u' + k u = k g - f sin(w t). With the response q to a unit kick,
+Each flight is known in closed form; one formula covers any damping, at resonance and near it. The gap u = g - y obeys m
+u'' + c u' + k u = k g - f sin(w t). With the impulse response q,
 
     u(tau) = q u0' + (k g/m) E(0) - (f/m) Im(e^{i angle} E(i w)),
     E(nu)  = integral of q(tau - s) e^{nu s} over the flight, from u = 0.
 
-E is the divided difference of exp(tau x) over the two rates of free motion and nu, so no term is infinite where two of
-the three coincide, and a short flight is as accurate as a long one.
+E is the divided difference of exp(tau x) over the two rates of free motion and nu, so no term becomes infinite where
+two of the three coincide, and short flights are as accurate as long ones.
 
 Stability follows from the product over all flights of the flow and the impact's saltation matrix (theory, eq. 5.1),
 
     [ -r, 0; (a+ + r a-)/v, -r ],   a-, a+ = y'' just before and after the impact of velocity v
 
-(P. C. Müller, Chaos, Solitons & Fractals 5 (1995) 1671-1681; the engine's tangent uses the same), which is infinite at
-a graze, v = 0 (A. B. Nordmark, J. Sound Vib. 145 (1991) 279-297).
+(P. C. Müller, Chaos, Solitons & Fractals 5 (1995) 1671-1681; the engine uses the same for its tangent vectors), which
+is infinite at a graze, v = 0 (A. B. Nordmark, J. Sound Vib. 145 (1991) 279-297).
 
 With one impact the equations have a closed form. Over nT the gap returns to zero and the velocity to v if, with
 E0 = E(0) and E = E(i w),
@@ -30,9 +30,9 @@ E0 = E(0) and E = E(i w),
     (f/m) Im(e^{i psi} E)          = r q v + (k g/m) E0,
     (f/m) Im(e^{i psi} (q + i w E)) = (1 + r q') v + (k g/m) q.
 
-Two linear equations give sin psi and cos psi as straight lines in v; sin^2 + cos^2 = 1 is a quadratic in v. This is
-the usual (alpha^2 + beta^2/w^2) v^2 + 2 alpha g v + g^2 - R^2 = 0 (S. W. Shaw and P. J. Holmes, J. Sound Vib. 90 (1983)
-129-155), but no term of it is infinite at resonance.
+Two linear equations give sin psi and cos psi as straight lines in v; sin^2 + cos^2 = 1 is a quadratic in v. This is the
+usual (alpha^2 + beta^2/w^2) v^2 + 2 alpha g v + g^2 - R^2 = 0 (S. W. Shaw and P. J. Holmes, J. Sound Vib. 90 (1983)
+129-155), but none of its terms becomes infinite at resonance.
 """
 
 from __future__ import annotations
@@ -52,14 +52,14 @@ Floats = NDArray[np.float64]
 Parameters = Sequence[float]  # m, c, k, f, w, r, g
 
 TURN = 2.0 * math.pi
-NEAR = 0.5  # of rate times duration: nodes nearer than this are not subtracted from one another
+NEAR = 0.5  # of rate times duration: if nodes are closer, the divided difference is expanded in a series
 STRIDE = 0.15  # radians of the fastest rate between two samples of a flight
-FEWEST_SAMPLES, MOST_SAMPLES = 16, 1 << 15  # of a flight
-# Two orbits are one, and a cycle repeats, if nowhere they differ by more than this: of the fastest impact, of a driving
-# period, and in sine and cosine of the driving angle. Newton's method leaves 1e-14 times the condition number.
+FEWEST_SAMPLES, MOST_SAMPLES = 16, 1 << 15  # number of samples of one flight, at most
+# Largest difference between equal orbits, and between repetitions of a cycle: relative to the fastest impact, to the
+# driving period, and in sine and cosine of the driving angle. Newton's method leaves 1e-14 times the condition number.
 SAME = 1e-7
 VANISHED = 1e-12  # relative: a response this small is rounding
-BOUNDLESS = 1e12  # of V: a velocity this large stands for infinity
+BOUNDLESS = 1e12  # of V: larger velocities are treated as infinite
 UNFORCED = "unforced: impacts and damping dissipate energy, and nothing supplies it"
 RESONANT = "undamped, without loss and in resonance: impact velocities grow without bound"
 
@@ -83,17 +83,17 @@ class Flight:
         self.omega, self.gap = omega, gap
         self.preload = self.stiff * gap
         self.split2 = 0.25 * self.damp * self.damp - self.stiff
-        # The rates of free motion, the slower first; their product, not a difference, gives the slower one.
+        # Rates of free motion, the slower first; it is computed from their product, which avoids cancellation.
         fast = -(0.5 * self.damp + cmath.sqrt(self.split2))
         self.rates = self.stiff / fast, fast
 
     @property
     def fastest(self) -> float:
-        """The largest rate in 1/s at which anything changes."""
+        """The fastest rate of the motion in 1/s."""
         return max(abs(self.omega), abs(self.rates[1]))
 
     def kick(self, tau: float) -> tuple[float, float]:
-        """Return displacement q and velocity q' at tau after a unit kick in velocity."""
+        """Return displacement q and velocity q' at tau after a unit impulse (a velocity of 1 at tau = 0)."""
         z2 = self.split2 * tau * tau
         if abs(z2) < NEAR * NEAR:
             fade, shape = math.exp(-0.5 * self.damp * tau), tau * sinhc(z2).real
@@ -119,7 +119,7 @@ class Flight:
         return self._close_nodes(nu, tau)
 
     def _close_nodes(self, nu: complex, tau: float) -> complex:
-        """Return the divided difference by its series about the mean of the nodes, whose symmetric sums are known."""
+        """Return the divided difference from its series about the mean of the nodes, whose symmetric sums are known."""
         mean = (nu - self.damp) / 3.0
         # About the mean the nodes are roots of x^3 + e2 x - e3.
         e2 = (self.stiff - self.damp * nu - 3.0 * mean * mean) * tau * tau
@@ -140,7 +140,7 @@ class Flight:
         return q, dq, self.driven(0.0, tau, q, dq).real, driven, q + 1j * self.omega * driven
 
     def after(self, angle: float, rate: float, tau: float) -> tuple[float, float]:
-        """Return gap and rate at tau after leaving the stop at that rate and driving angle."""
+        """Return gap and rate at tau after the mass leaves the stop with the given rate at the given driving angle."""
         q, dq, steady, driven, hurried = self.responses(tau)
         turn = self.drive * cmath.exp(1j * angle)
         return (
@@ -149,7 +149,7 @@ class Flight:
         )
 
     def slopes(self, angle: float, rate: float, tau: float) -> tuple[tuple[float, float], ...]:
-        """Return gap and rate at tau, and their derivatives by angle, by the leaving rate, and by tau."""
+        """Return gap and rate at tau, and their derivatives with respect to angle, initial rate, and tau."""
         q, dq, steady, driven, hurried = self.responses(tau)
         turn = self.drive * cmath.exp(1j * angle)
         moved, hurried = turn * driven, turn * hurried
@@ -169,7 +169,7 @@ class Flight:
         q, dq, steady, driven, hurried = self.responses(step)
         sine, cosine = math.sin(self.omega * step), math.cos(self.omega * step)
         p, f, g = dq + self.damp * q, self.drive, self.preload
-        # x = (u, u', sin, cos, 1) moves by one matrix a step; doubling fills the table.
+        # x = (u, u', sin, cos, 1) is multiplied by one matrix per step; doubling fills the table.
         hop: Floats = np.array(
             [
                 [p, q, -f * driven.real, -f * driven.imag, g * steady],
@@ -193,19 +193,19 @@ def parameters_of(osc: ImpactOscillator) -> list[float]:
 
 
 def fastest_of(osc: ImpactOscillator, velocities: Floats) -> float:
-    """Return the speed in m/s against which velocities of an orbit are small or not."""
+    """Return the velocity scale of an orbit in m/s."""
     return max(float(np.abs(velocities).max()), osc.velocity_scale)
 
 
 def flight_of(parameters: Parameters) -> Flight:
-    """Return the free flight of an oscillator given by its numbers."""
+    """Return the free flight of an oscillator from its parameters."""
     m, c, k, f, w, _, g = parameters
     return Flight(m, c, k, f, w, g)
 
 
 @dataclass(frozen=True)
 class Cycle:
-    """The equations of one (n, p) type: n driving periods, p impacts; the unknown is z = (s_1 ... s_p, v_1 ... v_p)."""
+    """The equations of one (n, p) type: n driving periods, p impacts; unknowns z = (s_1 ... s_p, v_1 ... v_p)."""
 
     n_periods: int
     n_impacts: int
@@ -224,28 +224,28 @@ class Cycle:
         return bool((np.diff(np.append(turns[: self.n_impacts], turns[0] + self.n_periods)) > 0.0).all())
 
     def takeoff(self, parameters: Parameters, z: Floats, i: int) -> tuple[float, float, float]:
-        """Return driving angle and rate with which flight i leaves the stop, and its duration in s."""
+        """Return the driving angle and the rate at which flight i leaves the stop, and its duration in s."""
         begin, end = self.span(z, i)
         return TURN * begin, parameters[5] * float(z[self.n_impacts + i]), (end - begin) * TURN / parameters[4]
 
     def scales(self, osc: ImpactOscillator, speed: float) -> tuple[Floats, Floats]:
-        """Return the sizes of the misses (m, m/s) and of the unknown (turns, m/s) for an orbit of that speed."""
+        """Return the scales of the residuals (m, m/s) and of the unknowns (turns, m/s) for an orbit of that speed."""
         length = speed / max(osc.natural_frequency, osc.omega)
         return np.repeat([length, speed], self.n_impacts), np.repeat([1.0, speed], self.n_impacts)
 
     def misses(self, parameters: Parameters, z: Floats) -> Floats:
-        """Return by how much each flight misses its impact: p gaps, then p velocities."""
+        """Return the residuals of all flights at their impacts: p gaps, then p velocities."""
         p, flight = self.n_impacts, flight_of(parameters)
         ends = [flight.after(*self.takeoff(parameters, z, i)) for i in range(p)]
         late = [-rate - float(z[p + (i + 1) % p]) for i, (_, rate) in enumerate(ends)]
         return np.array([gap for gap, _ in ends] + late)
 
     def jacobian(self, parameters: Parameters, z: Floats) -> Floats:
-        """Return the derivative of the misses by z."""
+        """Return the derivative of the residuals with respect to z."""
         return self.linearised(parameters, z)[1]
 
     def linearised(self, parameters: Parameters, z: Floats) -> tuple[Floats, Floats]:
-        """Return the misses and their derivative: a flight depends on its two ends and its first velocity alone."""
+        """Return the residuals and their derivative: a flight depends only on its two ends and its initial velocity."""
         p, flight, period = self.n_impacts, flight_of(parameters), TURN / parameters[4]
         misses, matrix = np.zeros(2 * p), np.zeros((2 * p, 2 * p))
         for i in range(p):
@@ -282,7 +282,7 @@ class Cycle:
         return a + d
 
     def multipliers(self, parameters: Parameters, z: Floats) -> tuple[complex, complex]:
-        """Return the Floquet multipliers, the larger first, or the one above the real axis first."""
+        """Return the Floquet multipliers, the larger first; for a complex pair, that with positive imaginary part."""
         determinant = self.determinant(parameters)
         half = 0.5 * self.trace(parameters, z)
         if not math.isfinite(half):
@@ -292,12 +292,12 @@ class Cycle:
             side = math.sqrt(-split)
             return complex(half, side), complex(half, -side)
         large = half + math.copysign(math.sqrt(split), half)
-        # The smaller one is a quotient, not a difference.
+        # The smaller one is computed as a quotient, which avoids cancellation.
         return complex(large), complex(determinant / large if large else 0.0)
 
 
 def impact_1_orbits(osc: ImpactOscillator, n_periods: int) -> tuple[list[Floats], str]:
-    """Return every (turns, velocity) of a period-n impact-1 orbit, the faster first, and why there is none, if so."""
+    """Return (turns, velocity) of every period-n impact-1 orbit, the faster first, and the reason if there is none."""
     if osc.amplitude == 0.0:
         return [], _unforced(osc)
     flight, tau = flight_of(parameters_of(osc)), n_periods * osc.period
@@ -305,7 +305,7 @@ def impact_1_orbits(osc: ImpactOscillator, n_periods: int) -> tuple[list[Floats]
     if abs(driven) <= VANISHED * tau / max(osc.omega, osc.natural_frequency):
         return [], (
             f"undamped, and {n_periods} driving period{'s are' if n_periods > 1 else ' is'} a whole number of free "
-            "periods: each flight returns unchanged by the force, which cannot make up for the loss at impact"
+            "periods: the force does no work over a flight and cannot make up for the loss at impact"
         )
     force, r, preload = osc.amplitude / osc.mass, osc.restitution, osc.stiffness * osc.gap / osc.mass
     matrix = force * np.array([[driven.real, driven.imag], [velocity.real, velocity.imag]])
@@ -331,7 +331,7 @@ def _roots(a: float, b: float, c: float) -> list[float]:
 
 def _unforced(osc: ImpactOscillator) -> str:
     if osc.restitution == 1.0 and osc.damping == 0.0:
-        return "unforced and without loss: any free motion that reaches the stop repeats at its own period"
+        return "unforced and without loss: every free motion that reaches the stop is periodic, with its own period"
     return UNFORCED
 
 

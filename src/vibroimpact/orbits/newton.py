@@ -12,10 +12,10 @@ from vibroimpact.orbits.equations import Floats
 Linearised = Callable[[Floats], tuple[Floats, Floats]]
 
 MOST_STEPS = 40
-CLOSE = 1e-9  # relative: the correction after which convergence, being quadratic, is complete
-SHORTEST = 1e-3  # part of a step that is tried
-SINGULAR = 1e13  # condition number of the equations: their solution is not isolated
-SUSPECT = 1e6  # the same where Newton's method got stuck
+CLOSE = 1e-9  # relative correction: convergence is quadratic, so the next iterate is exact to rounding
+SHORTEST = 1e-3  # smallest fraction of a Newton step that is tried
+SINGULAR = 1e13  # condition number above which the solution counts as not isolated
+SUSPECT = 1e6  # the same if Newton's method did not converge
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,10 @@ class Solved:
 def solve(
     linearised: Linearised, start: Floats, sizes: tuple[Floats, Floats], in_order: Callable[[Floats], bool]
 ) -> Solved:
-    """Return the solution that damped Newton's method reaches: steps are halved while they raise the misses.
+    """Return the solution that damped Newton's method reaches: a step is halved while it increases the residuals.
 
-    `linearised` returns the misses and their derivative, `sizes` are those of the misses and of the unknown, and
-    `in_order` is whether the events of an unknown follow one another.
+    `linearised` returns the residuals and their derivative, `sizes` are the scales of the residuals and of the
+    unknowns, and `in_order` tests whether the events are in the order of time.
     """
     rows, columns = sizes
 

@@ -1,8 +1,8 @@
 """Find the periodic orbits of one mass in front of one rigid stop.
 
-Orbits with one impact are known in closed form, those that stick by following the mass from its release. For the rest
-Newton's method solves the equations of a cycle, from motions that the engine followed: the attractor reached from rest,
-and a grid over the impact surface.
+Orbits with one impact are known in closed form; sticking orbits are found by following the mass from its release. For
+all others, Newton's method solves the equations of a cycle. Its initial guesses are motions simulated by the engine:
+the attractor reached from rest, and a grid over the impact surface.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from vibroimpact.parameters import invalid, real_number
 
 
 def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[Orbit]:
-    """Return the period-n impact-p orbits of one mass: those of one impact, that which sticks, others from a guess."""
+    """Return the period-n impact-p orbits of one mass: with one impact, sticking, or others from a guess."""
     osc: ImpactOscillator = model.at()
     cycle, impact = Cycle(n_periods, n_impacts), _impact(osc, guess)
     if cycle.n_impacts == -1:
@@ -46,7 +46,7 @@ def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[O
         return _anywhere(model, cycle)
     (chain,) = followed(osc, cycle, *np.array(impact)[:, None])
     if chain is None:
-        few = f"fewer than {cycle.n_impacts} impacts follow from there; begin where the mass hits more often"
+        few = f"fewer than {cycle.n_impacts} impacts follow from there; start where the mass hits more often"
         return Orbits(outcome="not_converged", message=few)
     return _from(model, cycle, as_cycle(chain))
 
@@ -58,14 +58,14 @@ def solve(osc: ImpactOscillator, cycle: Cycle, start: Floats) -> Solved:
 
 
 def stable_orbits(osc: ImpactOscillator, n_periods: int) -> list[Orbit]:
-    """Return the stable period-n impact-1 orbits, the hardest first; unstable ones are not even made."""
+    """Return the stable period-n impact-1 orbits, the hardest first; unstable ones are not constructed."""
     cycle, parameters = Cycle(n_periods, 1), parameters_of(osc)
     stable = [z for z in impact_1_orbits(osc, n_periods)[0] if max(map(abs, cycle.multipliers(parameters, z))) < 1.0]
     return sorted((make_orbit(osc, cycle, z) for z in stable), key=lambda orbit: -max(orbit.velocities))
 
 
 def _impact(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:
-    """Return phase and velocity of an impact near the orbit that is wanted, if one is given."""
+    """Return phase and velocity of the impact given as an initial guess, or None."""
     orbit, state, near = guess.orbit, guess.state, guess.near
     if guess.none or (orbit is not None and not orbit.velocities):
         return None
@@ -129,12 +129,12 @@ def _anywhere(model: Model, cycle: Cycle) -> Orbits[Orbit]:
 
 
 GRID = (40, 28)  # initial impacts: phases, velocities
-TRIES = 40  # of them that Newton's method tries besides the local minima of the miss
-SETTLING = 2000  # impacts left out on the way to the attractor
+TRIES = 40  # number of guesses tried besides the local minima of the residual
+SETTLING = 2000  # transient impacts before the attractor is sampled
 
 
 def followed(osc: ImpactOscillator, cycle: Cycle, phases: Floats, velocities: Floats) -> list[Floats | None]:
-    """Return from each impact the p impacts that follow, itself included, and the next: turns and velocities."""
+    """Return turns and velocities of p + 1 consecutive impacts, beginning with each given one."""
     return [_chain(samples, cycle.n_impacts) for samples in contacts(osc, phases, velocities, cycle.n_impacts)]
 
 
@@ -149,13 +149,13 @@ def _chain(samples: Samples, p: int) -> Floats | None:
 
 
 def as_cycle(chain: Floats) -> Floats:
-    """Return the cycle that a chain would be if its last impact were its first."""
+    """Return the cycle obtained by identifying the last impact of a chain with its first."""
     p = len(chain) // 2 - 1
     return np.concatenate([chain[:p], chain[p + 1 : -1]])
 
 
 def _miss(cycle: Cycle, chain: Floats | None, speed: float) -> float:
-    """Return the distance of a chain from closing after n periods, in turns and parts of a speed; or infinity."""
+    """Return by how much a chain fails to close after n periods, in turns and relative to a speed; or infinity."""
     if chain is None:
         return np.inf
     p = cycle.n_impacts
@@ -166,7 +166,7 @@ def _miss(cycle: Cycle, chain: Floats | None, speed: float) -> float:
 def attractor_chain(osc: ImpactOscillator, cycle: Cycle) -> Floats | None:
     """Return the last impacts of the attractor reached from rest."""
     cells = osc.cells({})
-    if osc.gap <= 0.0:  # slightly out of balance, otherwise nothing starts
+    if osc.gap <= 0.0:  # slightly out of balance: in exact balance nothing would move
         cells = cells.replace(velocity=cells["velocity"] - 1e-3 * osc.velocity_scale)
     window = ImpactWindow(SETTLING, cycle.n_impacts + 1)
     (samples,) = get_backend("cpu").samples(cells, Measurement(window))
@@ -177,13 +177,13 @@ def candidates(osc: ImpactOscillator, cycle: Cycle) -> list[Floats]:
     """Return initial guesses: the attractor's cycle, then those of a grid on the impact surface that close best."""
     attractor = attractor_chain(osc, cycle)
     if attractor is None and outlast(osc.cells({}), Measurement(ImpactWindow(0, cycle.n_impacts + 1))):
-        return []  # nor would impacts of the grid be followed so far
+        return []  # impacts of the grid would not be followed that far either
     hardest = 0.0 if attractor is None else float(attractor[cycle.n_impacts + 1 :].max())
     fastest = max(2.0 * osc.velocity_scale, 1.5 * hardest)
     phases, velocities = np.meshgrid(np.arange(GRID[0]) / GRID[0], fastest * (np.arange(GRID[1]) + 0.5) / GRID[1])
     chains = followed(osc, cycle, phases.ravel(), velocities.ravel())
     misses = np.array([_miss(cycle, chain, fastest) for chain in chains]).reshape(phases.shape)
-    # Rows are velocities, columns phases on the circle: nothing beyond the rows comes close.
+    # Rows are velocities and columns phases on the circle; beyond the rows the residual counts as infinite.
     walled = np.pad(np.pad(misses, ((0, 0), (1, 1)), mode="wrap"), ((1, 1), (0, 0)), constant_values=np.inf)
     around = [np.roll(walled, (a, b), (0, 1))[1:-1, 1:-1] for a in (-1, 0, 1) for b in (-1, 0, 1)]
     lowest = np.isfinite(misses) & (misses <= np.min(around, axis=0))

@@ -1,4 +1,4 @@
-"""A periodic orbit: its properties, how to make it from a solution of the equations, and which orbits are the same."""
+"""Periodic orbits: their properties, their construction from solutions of the equations, and tests of equality."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from vibroimpact.showing import MOST, Shown, Table
 
 
 class Rest(NamedTuple):
-    """A rest at a stop: its name, and when it begins and ends in driving periods; the whole cycle if it never opens."""
+    """A rest at a stop: the stop's name, and begin and end in driving periods; the whole cycle if it never opens."""
 
     stop: str
     begin: float
@@ -29,32 +29,32 @@ class Rest(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Orbit(Shown):
-    """A period-n impact-p orbit, stable or not, of one oscillator; base of those of systems.
+    """A period-n impact-p orbit of one oscillator, stable or unstable; base class of `SystemOrbit`.
 
     Parameters
     ----------
     oscillator : ImpactOscillator or ImpactSystem
-        What moves so.
+        The model that has this orbit.
     n_periods : int, >= 1
         Driving periods in a cycle.
     n_impacts : int, >= 1 or -1
         Impacts in a cycle; -1 for a complete chatter.
     velocities : tuple of float
-        Speeds just before contact, in m/s, in the order of time; of a complete chatter those above its cutoff.
+        Speeds just before contact, in m/s, in the order of time; for a complete chatter, those above its cutoff.
     phases : tuple of float
         Driving phases of these impacts, in [0, 1).
     multipliers : tuple of complex
         Floquet multipliers of the cycle, in (y, y'); both 0 for an orbit that sticks, which erases all memory.
     admissible : bool
-        Whether the mass can move so: no contact before the next impact, no impact velocity away from the stop.
+        Whether the mass can follow the orbit: no contact before the next impact, no impact velocity away from the stop.
     message : str
         Why it is inadmissible; empty if it is admissible.
     stick_phase, release_phase : float
-        Driving phases, in [0, 1), at which the mass comes to rest at the stop and leaves it; NaN where it does not.
+        Driving phases, in [0, 1), at which the mass comes to rest at the stop and is released; NaN without a rest.
     stuck_time : float
-        Time at rest in a cycle, in s.
+        Time at rest per cycle, in s.
     family : family, optional
-        The family, at its own values, that the oscillator was made by.
+        The family, at its own values, from which the oscillator was made.
 
     Examples
     --------
@@ -79,7 +79,7 @@ class Orbit(Shown):
 
     @property
     def model(self) -> Model:
-        """The family that made the oscillator or system, or that itself."""
+        """The family from which the oscillator or system was made, or else the oscillator or system itself."""
         model: Model = self.oscillator if self.family is None else self.family
         return model
 
@@ -89,7 +89,7 @@ class Orbit(Shown):
 
     @cached_property
     def stops(self) -> tuple[str, ...]:
-        """Names of the stops that are struck, in the order of time."""
+        """Names of the stops struck, in the order of time."""
         return tuple(stop.name for stop in self.oscillator.stops) * len(self.velocities)
 
     @cached_property
@@ -118,7 +118,7 @@ class Orbit(Shown):
 
     @property
     def sticks(self) -> bool:
-        """Whether it comes to rest at a stop."""
+        """Whether the orbit includes a rest at a stop."""
         return self.stuck_time > 0.0
 
     @property
@@ -133,10 +133,10 @@ class Orbit(Shown):
 
     @property
     def stable(self) -> bool:
-        """Whether motions nearby settle to it: it is admissible, and all multipliers lie inside the unit circle.
+        """Whether nearby motions settle to the orbit: it is admissible, with all multipliers inside the unit circle.
 
-        They do so by more than rounding. An inadmissible orbit is no motion, and never stable; its multipliers are
-        those of the equations.
+        The margin must exceed rounding. An inadmissible orbit is never stable, since it is not a motion of the mass;
+        its multipliers are those of the equations.
         """
         return self.admissible and self.spectral_radius < 1.0 - ROUNDING
 
@@ -158,11 +158,11 @@ class Orbit(Shown):
 
     @property
     def _kind(self) -> str:
-        """Whether it attracts, repels, or is no motion, in a word."""
+        """Stability or inadmissibility of the orbit, in one word."""
         return "stable" if self.stable else "unstable" if self.admissible else "inadmissible"
 
     def _columns(self) -> dict[str, Sequence[Any]]:
-        """Return what is known of its impacts, by the heads of a table's columns."""
+        """Return the data of its impacts by column heading."""
         return {"phase": self.phases, "impact velocity [m/s]": self.velocities}
 
     def _table(self) -> Table:
@@ -181,7 +181,7 @@ class Orbit(Shown):
         )
 
     def _row(self) -> dict[str, Any]:
-        """Return what a list of orbits shows of it, by the heads of a table's columns."""
+        """Return its row in a list of orbits, by column heading."""
         return {
             "orbit": self.name,
             "": self._kind,
@@ -196,7 +196,7 @@ class Orbit(Shown):
         Raises
         ------
         ValueError
-            It rests at a stop.
+            The orbit rests at a stop.
 
         Examples
         --------
@@ -218,25 +218,25 @@ class Orbit(Shown):
         return kinematics[0], kinematics[1], kinematics[2]
 
     def check_flies(self) -> None:
-        """Refuse an orbit that rests at a stop: it does not follow from its impacts."""
+        """Raise `ValueError` if an orbit rests at a stop: its motion does not follow from its impacts alone."""
         if self.sticks:
             hint = "follow it with simulate(orbit.model, orbit.start)"
             raise ValueError(f"the {self.name} orbit rests at a stop; {hint}")
 
 
 def family_of(model: Model) -> Model | None:
-    """Return a model that is a family, as an `Orbit` keeps it."""
+    """Return the model if it is a family, else None, for the attribute `family` of an `Orbit`."""
     return None if model is model.at() else model
 
 
 def value_of(model: Model, name: str) -> float:
-    """Return the value of a parameter of a model, also of one that replaces another."""
+    """Return the value of a parameter of a model, also if that parameter replaces another one."""
     values = model.values
     return float(values[name] if name in values else getattr(model, name))
 
 
 def check_pair(model: Model, parameter: str, name: str, pair: Any) -> tuple[float, float]:
-    """Return the two values of a parameter of a model that an argument of that name holds."""
+    """Return the two values of a model parameter given in an argument."""
     check_names(model.parameters, [parameter])
     try:
         first, second = pair
@@ -246,7 +246,7 @@ def check_pair(model: Model, parameter: str, name: str, pair: Any) -> tuple[floa
 
 
 def make_orbit(model: Model, cycle: Cycle, z: Floats) -> Orbit:
-    """Return the orbit of a solution z = (turns, velocities) of a model; the engine decides if it is admissible."""
+    """Return the orbit of a solution z = (turns, velocities); the engine decides whether it is admissible."""
     osc, p = model.at(), cycle.n_impacts
     rounding = ROUNDING * fastest_of(osc, z[p:])
     z = np.where((np.arange(2 * p) >= p) & (np.abs(z) <= rounding), 0.0, z)  # grazes
@@ -271,7 +271,7 @@ def phases_of(turns: Iterable[float]) -> tuple[float, ...]:
 
 
 def solution_of(orbit: Orbit) -> tuple[Cycle, Floats]:
-    """Return the equations and the solution of an orbit; whole periods in a flight are those that fit best."""
+    """Return the equations and the solution of an orbit; the whole periods in each flight are those that fit best."""
     cycle, p = Cycle(orbit.n_periods, orbit.n_impacts), orbit.n_impacts
     parameters, turns = parameters_of(orbit.oscillator), [orbit.phases[0]]
     for i in range(p - 1):
@@ -288,7 +288,7 @@ def solution_of(orbit: Orbit) -> tuple[Cycle, Floats]:
 
 
 def from_hardest(cycle: Cycle, z: Floats) -> Floats:
-    """Return the same cycle from its hardest impact on, at turns in [0, 1) first."""
+    """Return the same cycle rotated so that its hardest impact comes first, at turns in [0, 1)."""
     p = cycle.n_impacts
     first = int(np.argmax(z[p:]))
     turns = np.concatenate([z[first:p], z[:first] + cycle.n_periods])
@@ -320,7 +320,7 @@ class Impacts(NamedTuple):
 
 
 class HasImpacts(Protocol):
-    """What has the impacts of one cycle: an orbit, a recognised motion, an attractor."""
+    """Protocol of objects with the impacts of one cycle: an orbit, a recognised motion, an attractor."""
 
     @property
     def phases(self) -> Sequence[float] | Floats:
@@ -332,11 +332,11 @@ class HasImpacts(Protocol):
 
 
 def orbit_distance(a: HasImpacts, b: HasImpacts) -> float:
-    """Return the distance of two cycles, whichever impact each begins with.
+    """Return the distance between two cycles, independent of the impact with which each begins.
 
-    Impacts are points (sin, cos, v) of the impact surface: sine and cosine of their driving angle, and speed over the
-    largest of both cycles. The distance is the largest difference of a coordinate over all impacts, with the cyclic
-    shift that makes it smallest.
+    Each impact is a point (sin, cos, v) of the impact surface: sine and cosine of its driving angle, and its speed
+    divided by the largest speed in both cycles. The distance is the largest difference of any coordinate over all
+    impacts, minimised over cyclic shifts.
 
     Parameters
     ----------
@@ -369,14 +369,14 @@ def points_of(cycle: HasImpacts, fastest: float) -> Floats:
 
 
 def same_orbit(a: HasImpacts, b: HasImpacts, *, tolerance: float = SAME) -> bool:
-    """Return whether two cycles are one: the package's only test of that.
+    """Return whether two cycles are the same within a tolerance; the whole package uses this test.
 
     Parameters
     ----------
     a, b : Orbit, Motion, Attractor or Impacts
         Whatever has the `phases` and `velocities` of one cycle.
     tolerance : float
-        Largest `orbit_distance` between cycles that are one; 1e-7 suits solutions of the equations.
+        Largest `orbit_distance` between equal cycles; 1e-7 suits solutions of the equations.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""An orbit that rests at a stop, along a parameter: found again, value by value, from the last one."""
+"""Follow an orbit that rests at a stop along a parameter: each orbit is found from the one before."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from typing import Any
 
 from vibroimpact.orbits.search import find_orbit
 
-NEAREST = 2.0**-52  # of a value: steps end where values are neighbouring numbers
-SUDDEN = 0.05  # a change from orbit to orbit, of T at rest or of the hardest hit, that asks for a shorter step
+NEAREST = 2.0**-52  # of a value: steps are halved down to neighbouring floating-point numbers
+SUDDEN = 0.05  # largest change per step, in time at rest over T or of the hardest impact
 
 
 def resting_orbits(orbit: Any, parameter: str, goal: float, longest: float) -> Iterator[Any]:
-    """Yield an orbit and those that follow it on the way to another value of a parameter, while they rest at a stop.
+    """Yield an orbit and the next ones towards another value of a parameter, as long as they rest at a stop.
 
-    Steps are as long as `longest`, halved wherever no orbit is found near the last one, down to neighbouring numbers.
+    Steps have the length `longest` and are halved wherever no orbit is found near the last one, down to neighbouring
+    floating-point numbers.
     """
     value, step, easy = orbit.value(parameter), longest, True
     finest = NEAREST * max(abs(value), abs(goal))
@@ -32,9 +33,9 @@ def resting_orbits(orbit: Any, parameter: str, goal: float, longest: float) -> I
 
 
 def _change(one: Any, other: Any) -> float:
-    """Return how far two orbits are from each other, in T at rest or in shares of their hardest hits.
+    """Return the change between two orbits, in time at rest over T or relative to their hardest impacts.
 
-    Of one coordinate a rest leaves no memory, so that no other orbit rests at the same stops.
+    With one coordinate a rest erases all memory, so no other orbit rests at the same stops.
     """
     if one.oscillator.coordinates == 1 and {rest.stop for rest in one.rests} == {rest.stop for rest in other.rests}:
         return 0.0

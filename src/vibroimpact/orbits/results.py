@@ -1,4 +1,4 @@
-"""The result of a search for periodic orbits, and what a search begins with."""
+"""The result of a search for periodic orbits, and its initial guess."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.parameters import choice, counted, invalid, several
 from vibroimpact.showing import Table, written
 
-IMPACTS = 1000  # in a cycle, at most: the equations grow as its square
+IMPACTS = 1000  # most impacts in a cycle: the number of matrix entries grows as its square
 
 Kind = TypeVar("Kind")
 
@@ -23,11 +23,12 @@ class Orbits(list[Kind], Generic[Kind]):
     Attributes
     ----------
     outcome : str
-        "found"; "inadmissible" (solutions, but each penetrates the stop); "none" (none exists, or no initial guess
-        converged to one); "other_name" (the guess converged to an orbit of fewer periods and impacts);
-        "not_converged"; "singular" (it converged to a fold or a graze, where the equations do not fix an orbit).
+        "found"; "inadmissible" (there are solutions, but each penetrates the stop); "none" (none exists, or no initial
+        guess converged to one); "other_name" (the guess converged to an orbit of fewer periods and impacts);
+        "not_converged"; "singular" (it converged to a fold or a graze, where the equations do not determine an isolated
+        orbit).
     message : str
-        The outcome in a sentence.
+        The outcome as a sentence.
     """
 
     def __init__(self, orbits: Iterable[Kind] = (), *, outcome: str = "found", message: str = "") -> None:
@@ -37,7 +38,7 @@ class Orbits(list[Kind], Generic[Kind]):
 
     @property
     def sentence(self) -> str:
-        """How the search ended and how many orbits it found."""
+        """The outcome of the search and the number of orbits found, as a sentence."""
         name = self[0].name if self else ""  # type: ignore[attr-defined]
         if self.outcome == "inadmissible":
             return f"no admissible {name} orbit: the equations have {len(self)}"
@@ -51,10 +52,10 @@ class Orbits(list[Kind], Generic[Kind]):
 
 @dataclass(frozen=True)
 class Guess:
-    """What a search begins with: the argument `near`, the orbit that this is, and a state on that, or a state alone.
+    """The initial guess of a search: the argument `near`, and the orbit and the state that it gives, if any.
 
-    Of an orbit also the stops that it strikes, and whether it rests and is symmetric. Without a state, `near` holds
-    numbers, not checked yet: a phase and a velocity of one mass, times of impacts in s for systems.
+    For an orbit, also the stops that it strikes, and whether it rests and is symmetric. Without a state, `near` holds
+    unchecked numbers: a phase and a velocity for one mass, times of impacts in s for systems.
     """
 
     near: Any = None
@@ -66,7 +67,7 @@ class Guess:
 
     @staticmethod
     def of(near: Any) -> Guess:
-        """Return the guess that an orbit, an attractor, a State, numbers or None makes."""
+        """Return the guess given by an orbit, an attractor, a State, numbers or None."""
         state = near if isinstance(near, State) else getattr(near, "start", None)
         if not isinstance(state, State):
             return Guess(near)
@@ -82,7 +83,7 @@ class Guess:
 
     @property
     def only_state(self) -> bool:
-        """Whether a state was given that is on no orbit known."""
+        """Whether only a state was given, without an orbit."""
         return self.state is not None and self.orbit is None
 
 
@@ -90,7 +91,7 @@ NOTHING = Guess()
 
 
 def numbers_of(stops: Any, names: tuple[str, ...]) -> tuple[int, ...]:
-    """Return the numbers of the stops that are struck in turn, from their names."""
+    """Return the numbers of the stops struck, in the order given, from their names."""
     struck = several("stops", stops, "a stop's name or a list of them")
     numbers = tuple(names.index(choice("stops", name, names)) for name in struck)
     if not 1 <= len(numbers) <= IMPACTS:
@@ -99,7 +100,7 @@ def numbers_of(stops: Any, names: tuple[str, ...]) -> tuple[int, ...]:
 
 
 def ordered(orbits: Iterable[Orbit]) -> Orbits[Any]:
-    """Return orbits of one type, stable ones first, then unstable, then inadmissible ones, and what they are."""
+    """Return orbits of one type sorted into stable, unstable and inadmissible ones, with the outcome."""
     ranked = sorted(orbits, key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)))
     admissible = sum(orbit.admissible for orbit in ranked)
     if not admissible:
@@ -108,14 +109,14 @@ def ordered(orbits: Iterable[Orbit]) -> Orbits[Any]:
 
 
 def lost(solved: Solved, name: str) -> Orbits[Any]:
-    """Return the outcome where Newton's method did not reach an orbit."""
+    """Return the outcome of a search whose Newton's method did not converge to an orbit."""
     if solved.singular:
-        message = "converged to a fold or a graze, where the equations are singular; begin beside it"
+        message = "converged to a fold or a graze, where the equations are singular; give a guess away from it"
         return Orbits(outcome="singular", message=message)
     message = f"not converged to a {name} orbit; give a guess nearer to one as `near`"
     return Orbits(outcome="not_converged", message=message)
 
 
 def other_name(reached: str, name: str) -> Orbits[Any]:
-    """Return the outcome where Newton's method reached an orbit that repeats sooner than it was to."""
+    """Return the outcome of a search that converged to an orbit with a shorter cycle than requested."""
     return Orbits(outcome="other_name", message=f"converged to a {reached} orbit instead of a {name} one")

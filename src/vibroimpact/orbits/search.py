@@ -1,4 +1,4 @@
-"""Find the periodic orbits of a model: what is wanted is checked here once, and the engine that suits it finds them."""
+"""Find the periodic orbits of a model: check the arguments, then call the search for one mass or for systems."""
 
 from __future__ import annotations
 
@@ -31,60 +31,63 @@ def find_orbit(
     Parameters
     ----------
     osc : ImpactOscillator, ImpactSystem or family
-        Whose orbits; of a family, those at its own values.
+        The model whose orbits are sought; a family is taken at its own values.
     n_periods : int, >= 1
         Driving periods in a cycle, n.
     n_impacts : int, >= 1 or -1, optional
-        Impacts in a cycle, p, on whichever stops; -1 for an orbit with a complete chatter, which sticks. 1 unless
-        `stops` or `symmetric` is given, which determine it.
+        Impacts in a cycle, p, on any stops; -1 for a sticking orbit, with a complete chatter. The default is 1, or
+        follows from `stops` or `symmetric` if given.
     stops : str or sequence of str, optional
-        Names of the stops that are struck in a cycle, in the order of time; for symmetric motions, in half a cycle.
-        Inadmissible orbits are listed, too.
+        Names of the stops struck in a cycle, in the order of time; for symmetric motions, in half a cycle. Inadmissible
+        orbits are listed, too.
     symmetric : bool
-        Take motions that are mirrored, q -> -q, after half a cycle (n odd). Without `stops`, those that strike one of
-        each pair of stops in half a cycle, or the stops of `near`.
+        Search for motions that are their own mirror image, q -> -q, half a cycle later (n odd). Without `stops`, those
+        that strike one stop of each mirrored pair in half a cycle, or the stops of `near`.
     near : Orbit, Attractor, State or sequence of float, optional
-        Initial guess: an orbit or an attractor of this or another model, a state at the stop, or phase
-        in [0, 1) and velocity > 0 (m/s) of an impact. None tries the attractor reached from rest and a grid over the
-        impact surface. Not used for one impact on a rigid stop, where all solutions are known in closed form. For
-        systems, an orbit, an attractor or any state near one, or, with `stops`, the times of the impacts in s; None
-        tries symmetric orbits (two impacts) and the motion from rest.
+        Initial guess: an orbit or an attractor of this or another model, a state at the stop, or phase in [0, 1) and
+        velocity > 0 (m/s) of an impact. None tries the attractor reached from rest and a grid over the impact surface.
+        Not used for one impact on a rigid stop: all solutions are known in closed form. For systems: an orbit, an
+        attractor, any state near one, or, with `stops`, the times of the impacts in s; None tries symmetric orbits (two
+        impacts) and the motion from rest.
 
     Returns
     -------
     Orbits
-        A list of `Orbit`, stable ones first, each from its hardest impact on, for systems of `SystemOrbit`, from the
-        first of `stops` on; with `outcome` and `message`. With one impact, or with `near`, it includes inadmissible
-        orbits (they penetrate the stop), whose `message` gives the reason and which are never `stable`; otherwise only
-        admissible ones. Without `stops`, the messages of those stops that no orbit strikes alone are joined.
+        A list of `Orbit`, stable ones first, each beginning with its hardest impact; for systems a list of
+        `SystemOrbit`, each beginning with an impact on the first of `stops`. It has an `outcome` and a `message`. With
+        one impact, or with `near`, it includes inadmissible orbits (they penetrate the stop); their `message` gives the
+        reason, and they are never `stable`. Otherwise it holds only admissible ones. Without `stops`, `message` joins
+        the reasons of all stops for which no orbit was found.
 
     Raises
     ------
     ValueError
         `n_periods` or `n_impacts` is below 1, a stop is unknown, `n_periods` is even for symmetric motions, or `near`
-        is missing where several stops are given, is not of a kind named above, or does not fit the model.
+        is required (several stops given) but missing, is not of a kind listed above, or does not fit the model.
 
     Notes
     -----
     Velocities and phases are accurate to about 1e-14 times the condition number of the equations: flights and their
-    derivatives are in closed form. The multipliers are those of the product of flows and saltation matrices [2]_ [3]_.
-    An orbit is admissible if each flight's first certified contact is the orbit's next impact. With several impacts and
-    without `near` the list may be incomplete. A millisecond for one impact, about a tenth of a second for several.
+    derivatives are in closed form. The multipliers are the eigenvalues of the product of flows and saltation matrices
+    [2]_ [3]_. An orbit is admissible if the first certified contact of each flight is the orbit's next impact. With
+    several impacts and without `near`, the list may be incomplete. A search takes about 1 ms for one impact and 0.1 s
+    for several.
 
-    For systems, with one impact on a rigid stop all orbits are found, for any number of coordinates and harmonics,
-    moving stops and singular stiffness; orbits that are not isolated are reported in `message`, not listed. Of a stop
-    whose restitution is a law, two orbits may be missed whose r differ by less than 1/64; it takes 0.2 s. Accuracy is
-    some 1e-16 times the number of periods of the fastest mode where that is larger. A system is symmetric if the load
-    has odd harmonics only and each stop has its mirror image. About 2 ms per orbit.
+    For systems with one impact on a rigid stop, all orbits are found, for any number of coordinates and harmonics,
+    moving stops and singular stiffness; orbits that are not isolated are reported in `message`, not listed. If the
+    restitution of a stop is a law, two orbits whose r differ by less than 1/64 may be missed, and the search takes 0.2
+    s. The accuracy is about 1e-16 times the number of periods of the fastest mode if that is larger. A system is
+    symmetric if the load has odd harmonics only and each stop has its mirror image. A search takes about 2 ms per
+    orbit.
 
-    On a compliant stop an impact is where contact begins. With one contact the state follows from its duration and
-    phase, and the two equations that are left for these are solved by subdivision: parts of the plane are left out
-    only where a bound excludes a solution, and divided until each holds one at most. So all orbits are found, light
-    contacts, folds and light damping included, except pairs that a fold has brought nearer to each other than 1/4000 of
-    an interval of durations. The bounds rest on how the last terms of Chebyshev series decay. In an undamped stop that
-    is stiff contacts can last for many of its periods: durations that were not searched through are named in `message`.
-    It takes 20 to 100 ms. Times of several impacts are a guess only where contacts are about half a turn of a mass on
-    the stop's spring; a state does better.
+    On a compliant stop an impact is the beginning of a contact. With one contact, the state follows from its duration
+    and phase, which satisfy two equations. These are solved by subdivision: a part of the plane is discarded only if a
+    bound excludes a solution, and is divided until it holds at most one. All orbits are therefore found, including
+    those with light contacts, near folds or with light damping, except pairs near a fold that are closer than 1/4000 of
+    an interval of durations. The bounds are estimated from the decay of the last terms of Chebyshev series. In a stiff
+    undamped stop, a contact can last for many of its periods; `message` gives the durations that were not searched. A
+    search takes 20 to 100 ms. For several impacts, times are a good guess only if each contact lasts about half a
+    period of a mass on the stop's spring; a state is a better guess.
 
     References
     ----------
@@ -119,9 +122,9 @@ def find_orbit(
     if p == 0:
         raise invalid("n_impacts", n_impacts, "a whole number >= 1, or -1 for a complete chatter")
     if truth("symmetric", symmetric) and n % 2 == 0:
-        raise invalid("n_periods", n, "odd for symmetric motions", "the force repeats itself in the mirror")
+        raise invalid("n_periods", n, "odd for symmetric motions", "after whole periods the force is not mirrored")
     if n_impacts is not None and (symmetric or stops is not None):
-        raise invalid("n_impacts", n_impacts, "left out where `stops` or `symmetric` is given", "they determine it")
+        raise invalid("n_impacts", n_impacts, "omitted if `stops` or `symmetric` is given", "they determine it")
     guess = Guess.of(near)
     struck = None if stops is None else numbers_of(stops, tuple(stop.name for stop in design.stops))
     if design.forgets:
@@ -131,7 +134,7 @@ def find_orbit(
     from vibroimpact.orbits.systems import search as systems  # slower to import
 
     if guess.orbit is not None and guess.orbit.oscillator.forgets:
-        guess = Guess.of(guess.state)  # all that an orbit of one mass says of a system
+        guess = Guess.of(guess.state)  # an orbit of one mass gives no more than a state of a system
     if symmetric or struck is not None:
         return systems.striking(osc, n, struck, guess, symmetric=symmetric)
     return systems.find(osc, n, p, guess)

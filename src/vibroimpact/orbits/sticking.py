@@ -1,8 +1,8 @@
 r"""Orbits that come to rest at the stop: from the release, through a chatter, back to the release.
 
-The force releases a resting mass where f sin(w t) falls through k g: once per period, always in the same state. A stick
-erases all memory, so the motion from one release to the next *is* the cycle: an oscillator has one sticking
-orbit or none, and it sticks once per cycle.
+The force releases a resting mass when f sin(w t) falls through k g: once per period, always in the same state. A stick
+erases all memory, so the motion from one release to the next is the whole cycle: an oscillator has at most one sticking
+orbit, which sticks once per cycle.
 
 Chatter and its limit are those of C. Budd and F. Dux, "Chattering and related behaviour in impact oscillators", Phil.
 Trans. R. Soc. Lond. A 347 (1994) 365-389, and of A. B. Nordmark and P. T. Piiroinen, "Simulation and stability analysis
@@ -29,19 +29,19 @@ from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit, family_of
 from vibroimpact.parameters import whole_number
 
-# Close to the end of sticking a chatter that is cut off early would hold a mass that flies on: impacts of 1e-12 V still
-# leave the last 1e-6 T open. At this cutoff only 1e-14 T are left.
+# Near the end of sticking, a chatter that is cut off too early would hold a mass that really flies on: impacts of 1e-12
+# V still leave the last 1e-6 T undecided. At this cutoff only 1e-14 T is undecided.
 FINEST = 1e-24  # of V: the cutoff of a chatter that is followed from a release
 LONGEST = 1000  # driving periods in which a released mass must come to rest
-CREST = 0.25  # phase of the largest force: a mass put at the stop here, at rest, leaves at the very release
-_ROOM = 4096  # impacts recorded at a time
-_MOST_STEPS = 5e7  # certified steps in all: some seconds
-_WALKS = 2000  # some 20 ms, before Python asks whether to stop
+CREST = 0.25  # phase of the largest force: a mass put at rest at the stop here leaves exactly at the release
+_ROOM = 4096  # impacts recorded per call
+_MOST_STEPS = 5e7  # certified steps in all: a few seconds
+_WALKS = 2000  # steps per call, about 20 ms, between checks for an interrupt
 
 
 @dataclass(frozen=True)
 class Stick:
-    """How the mass comes to rest after its release, and is released again `periods` later.
+    """The motion of the mass from its release to rest and to the next release, `periods` later.
 
     `impacts` has a row (whole periods, phase, speed in m/s) for each; `fraction` is the time at rest over T.
     """
@@ -55,14 +55,14 @@ class Stick:
 
 @lru_cache(maxsize=1)
 def from_release(osc: ImpactOscillator, longest: int) -> Stick | None:
-    """Follow the mass from its release to where it next rests at the stop, or None if that takes too many periods."""
+    """Follow the mass from its release to its next rest at the stop; None if that takes too many periods."""
     # Once per period the force presses the mass against the stop and releases it if k |g| < f.
     if abs(osc.stiffness * osc.gap) >= osc.amplitude or osc.restitution == 1.0:
         return None
     cell = osc.cells({}, State(osc.gap, 0.0, CREST * osc.period)).table[0]
     steps = min(1000.0 / (1.0 - osc.restitution), _MOST_STEPS / (longest + 2))
     allowed = limits(Tolerances(chatter=FINEST, steps_per_impact=math.ceil(steps)))
-    # One look late in the last period ends a walk that never rests; room for one stick ends it at each.
+    # One sample late in the last period ends a run that never rests; a buffer of one stick ends it at each rest.
     window = 0.0, 0.0, 1.0, 1.0
     memory = np.zeros(MEMORY)
     begin(cell, memory, window, (float(longest), 0.999), allowed)
@@ -85,7 +85,7 @@ def from_release(osc: ImpactOscillator, longest: int) -> Stick | None:
 
 
 def periods_from_release(osc: ImpactOscillator, longest: int) -> int:
-    """Return the driving periods of the sticking cycle, 0 if it takes more than `longest` or does not exist."""
+    """Return the driving periods of the sticking cycle; 0 if it has more than `longest` or does not exist."""
     stick = from_release(osc, longest)
     return stick.periods if stick else 0
 
@@ -97,9 +97,9 @@ def find_sticking_orbit(
     longest: int = LONGEST,
     tolerances: Tolerances | None = None,
 ) -> list[Orbit]:
-    r"""Return the orbit on which the mass comes to rest at the stop, in a list; an empty list if there is none.
+    r"""Find the orbit on which the mass comes to rest at the stop.
 
-    The mass leaves the stop where the force stops pressing, and is at rest again when a chatter is complete:
+    The mass leaves the stop when the force ceases to press it there, and is at rest again when a chatter is complete:
 
     .. math:: \sin \psi_r = k g / f,\ \cos \psi_r < 0; \qquad
               v_{j+1} \to r v_{j+1},\quad t_\infty = \sum_j (t_{j+1} - t_j) < t_r + n T
@@ -107,21 +107,22 @@ def find_sticking_orbit(
     Parameters
     ----------
     osc : ImpactOscillator or family
-        The oscillator; of a family, the one at its own values.
+        The oscillator; a family is taken at its own values.
     n_periods : int, >= 1, optional
-        Driving periods of the cycle; None takes any.
+        Driving periods of the cycle; None allows any number.
     longest : int, >= 1
-        Driving periods after which a mass that has not come to rest is taken not to stick.
+        Number of driving periods without a rest after which the mass is taken not to stick.
     tolerances : Tolerances, optional
-        `chatter` sets the impacts too weak to be listed; the chatter itself is followed to 1e-24 V.
+        Impacts below `chatter` (relative to V) are not listed; the chatter itself is followed to 1e-24 V.
 
     Returns
     -------
     list of Orbit
-        At most one: all sticks end in the same release, so the next stick closes the cycle, unless neighbours part by
-        more than 1e13 on the way: then rounding decides when the mass rests again, and there is none. Its impacts are
-        in the order of time, from the release on; `n_impacts` is -1 for a complete chatter, their number for r = 0;
-        both multipliers are 0. `stuck_time` is that of the one stick in a cycle.
+        One orbit, or an empty list. All sticks end in the same release, so the next stick closes the cycle. No orbit is
+        listed if perturbations grow by more than 1e13 on the way, since rounding then decides when the mass rests
+        again. The impacts are in the order of time, beginning at the release; `n_impacts` is -1 for a complete chatter
+        and the number of impacts for r = 0; both multipliers are 0. `stuck_time` is the duration of the one stick in a
+        cycle.
 
     Raises
     ------
@@ -130,9 +131,9 @@ def find_sticking_orbit(
 
     Notes
     -----
-    There is none if the force never releases the mass (k g <= -f) or never presses it (k g >= f), and for r = 1, where
-    no chatter completes. Phases and velocities are accurate to rounding times the growth of perturbations along one
-    cycle. About 0.3 ms at r = 0.8, growing as 1/(1 - r).
+    There is no such orbit if the force never releases the mass (k g <= -f) or never presses it against the stop (k g >=
+    f), or if r = 1, for which no chatter completes. Phases and velocities are accurate to rounding times the growth of
+    perturbations along one cycle. A search takes about 0.3 ms at r = 0.8, growing as 1/(1 - r).
 
     References
     ----------
@@ -156,18 +157,18 @@ def find_sticking_orbit(
 
 
 def why_none(osc: ImpactOscillator, n_periods: int) -> str:
-    """Return why there is no sticking orbit of so many periods, in words."""
+    """Return the reason why there is no sticking orbit of so many periods."""
     stick = from_release(osc, max(LONGEST, n_periods))
     if stick is None or closes(osc, stick):
         return f"no period-{n_periods} orbit sticks"
     return (
-        "no orbit sticks: neighbours part by more than 1e13 from one rest to the next, so that rounding decides when "
+        "no orbit sticks: perturbations grow by more than 1e13 from one rest to the next, so rounding decides when "
         "the mass rests again"
     )
 
 
 def closes(osc: ImpactOscillator, stick: Stick) -> bool:
-    """Return whether a stick closes an orbit, rather than being an accident of rounding (`resolved`)."""
+    """Return whether a stick closes an orbit, rather than being determined by rounding (see `resolved`)."""
     listed = stick.impacts[stick.impacts[:, 2] >= Tolerances().chatter * osc.velocity_scale]
     time = np.append(stick.release_phase, listed[:, 0] + listed[:, 1]) * osc.period
     phase, velocity = (np.append(first, listed[:, at]) for at, first in ((1, stick.release_phase), (2, 0.0)))
@@ -175,7 +176,7 @@ def closes(osc: ImpactOscillator, stick: Stick) -> bool:
 
 
 def sticking_orbit(model: Model, stick: Stick, chatter: float) -> Orbit:
-    """Return the numbers known of the cycle that a stick closes; impacts above `chatter` times V are listed."""
+    """Return the orbit closed by a stick; impacts above `chatter` times V are listed."""
     osc = model.at()
     listed = stick.impacts[stick.impacts[:, 2] >= chatter * osc.velocity_scale]
     return Orbit(

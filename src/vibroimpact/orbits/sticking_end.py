@@ -1,21 +1,22 @@
-r"""The end of sticking: where the end of the chatter of an orbit that rests at a stop meets its release.
+r"""The end of sticking: the boundary on which the chatter of a sticking orbit ends exactly at its release.
 
-Close to the release the force pressing the mass falls linearly, a = j s with s the time still to go. In the scaled
-velocity q = v / (j s^2) one impact leads to the next by a map of q alone; its fixed point is a chatter that ends in the
-very release:
+Close to the release, the pressing acceleration falls linearly, a = j s, where s is the time left until the release. In
+the scaled velocity q = v / (j s^2), each impact follows from the last by a map of q alone; the fixed point of this map
+is a chatter that ends exactly at the release:
 
     (1 - x)^2 (3 - x) = r (3 - 2 x),     s -> (1 - x) s,     dq -> r (3 - x) / ((3 - 2 x) (1 - x)^3) dq.
 
-Weaker impacts complete their chatter before the release, stronger ones never do. A parameter d away from the end of
-sticking therefore leaves a stuck time that goes as d^e, e = ln(1/(1 - x)) / ln(r (3 - x) / ((3 - 2 x) (1 - x)^3)),
-from 1 at r = 0 down to 0.6 at r = 1: in double precision, d = 1e-16, the mass may still rest for 1e-9 of a period.
+Weaker impacts complete their chatter before the release, stronger ones never do. At a distance d of the parameter from
+the end of sticking, the stuck time is therefore proportional to d^e, e = ln(1/(1 - x)) / ln(r (3 - x) / ((3 - 2 x) (1 -
+x)^3)), which falls from 1 at r = 0 to 0.6 at r = 1. At the resolution of double precision, d = 1e-16, the mass may
+still rest for 1e-9 of a period.
 
-A graze does not end sticking: the impact it adds has velocity zero, and all that follows changes continuously, though
-with infinite slope. So a sticking cycle of one mass is lost at the end of its own chatter, or at that of one in an
-earlier period. That of a system may also fold, or be lost at a graze, while it still rests.
+A graze does not end sticking: the impact it adds has velocity zero, and the motion after it changes continuously,
+though with infinite slope. A sticking cycle of one mass is therefore lost at the end of its own chatter, or of a
+chatter in an earlier period. A sticking cycle of a system may also end in a fold or at a graze while it still rests.
 
-The local law is that of A. B. Nordmark and P. T. Piiroinen, "Simulation and stability analysis of impacting systems
-with complete chattering", Nonlinear Dynamics 58 (2009) 85-106.
+The local law is due to A. B. Nordmark and P. T. Piiroinen, "Simulation and stability analysis of impacting systems with
+complete chattering", Nonlinear Dynamics 58 (2009) 85-106.
 """
 
 from __future__ import annotations
@@ -36,14 +37,14 @@ from vibroimpact.orbits.systems.sticking import periods_from_rest
 from vibroimpact.parameters import invalid, whole_number
 
 KIND = "end_of_sticking"
-MET = 1e-7  # largest (stuck time / T)^(1/e): usually 1e-16, its square root beside a graze, 1e-2 where it jumps
-FOLDS = 1e-3  # a multiplier as near to 1, which goes to it as the root of the distance
-STEP = 0.02  # of the way between two values: the longest to the next orbit of a system
-LIFTED = 1e-6  # of f: a preload this close to f counts as one that the force never lifts
+MET = 1e-7  # largest (stuck time / T)^(1/e): usually 1e-16, 1e-8 near a graze, 1e-2 where the stuck time jumps
+FOLDS = 1e-3  # distance of a multiplier from 1 at a fold; it falls as the square root of the parameter distance
+STEP = 0.02  # of the interval between two values: longest step to the next orbit of a system
+LIFTED = 1e-6  # of f: a preload closer to f than this counts as one that the force never overcomes
 
 
 def scaling_exponent(restitution: float) -> float:
-    """Return e of stuck time ~ distance^e at the end of sticking: 1 at r = 0, 0.6 in the limit r = 1.
+    """Return the exponent e in stuck time ~ distance^e at the end of sticking: 1 at r = 0, 0.6 in the limit r = 1.
 
     Examples
     --------
@@ -61,30 +62,30 @@ def scaling_exponent(restitution: float) -> float:
 
 
 def residual(restitution: float, stuck_fraction: float) -> float:
-    """Return (stuck time / T)^(1/e), linear in every parameter: how far the end of the chatter is from the release."""
+    """Return (stuck time / T)^(1/e), which goes to zero linearly in every parameter at the end of sticking."""
     return float(max(stuck_fraction, 0.0) ** (1.0 / scaling_exponent(restitution)))
 
 
 @dataclass(frozen=True)
 class StickingEnd:
-    """A point of the boundary at which a sticking cycle is lost because the end of its chatter meets the release.
+    """A point on the boundary where a sticking cycle is lost because the end of its chatter meets the release.
 
     Parameters
     ----------
     oscillator : ImpactOscillator or ImpactSystem
-        With the parameter at the boundary: the last value in double precision at which the orbit still rests.
+        The model at the boundary: `parameter` has the last value in double precision at which the orbit still rests.
     parameter, value : str, float
-        What was varied, and its value there; NaN if none was found.
+        The parameter varied, and its value at the boundary; NaN if none was found.
     n_periods : int
-        Driving periods of the sticking cycle that ends here.
+        Driving periods of the sticking cycle that ends at the boundary.
     stuck_fraction : float
-        Time at rest over T at that value, at all stops together.
+        Time at rest over T at that value, summed over all stops.
     residual : float
-        (stuck time / T)^(1/e), which falls linearly to zero; below 1e-10 if found, or 1e-7 beside a graze.
+        (stuck time / T)^(1/e), which falls linearly to zero; below 1e-10 if found (1e-7 near a graze).
     outcome : str
         "found"; "no_change" (the same cycle, or none, at both values), "pressed_for_ever" (beyond `value` the mass is
-        never released), "unresolved" (the stuck time jumps between neighbouring numbers), "lost" (of a system: no next
-        orbit is found, though this one still rests: it folds, or grazes a stop).
+        never released), "unresolved" (the stuck time jumps between neighbouring floating-point numbers), "lost"
+        (systems only: no next orbit is found although this one still rests, as at a fold or a graze).
     message : str
         The outcome in a sentence.
     orbit : Orbit, SystemOrbit or None
@@ -109,25 +110,26 @@ class StickingEnd:
 
 
 def end_of_sticking(osc: Model, parameter: str, between: tuple[float, float], *, longest: int = LONGEST) -> StickingEnd:
-    r"""Find where a sticking cycle is lost: the end of its chatter meets the release, and the stuck time is zero.
+    r"""Find the parameter value at which a sticking cycle is lost: its chatter ends at the release, with no stuck time.
 
     .. math:: t_\infty(p) = t_r(p) + n T(p)
 
     Parameters
     ----------
     osc : ImpactOscillator, ImpactSystem or family
-        The model; its own value of `parameter` does not matter.
+        The model; its own value of `parameter` is not used.
     parameter : str
-        What is varied: any parameter of the model.
+        The parameter to vary; any parameter of the model.
     between : tuple of two float
-        Values of the parameter; the mass sticks at one of them; at the other it does not, or after more periods.
+        Two values of the parameter. The mass must stick at one of them; at the other it does not, or only after more
+        periods.
     longest : int, >= 1
         Driving periods after which a mass that has not come to rest is taken not to stick.
 
     Returns
     -------
     StickingEnd
-        The boundary and its outcome; the cycle followed is that of fewer periods.
+        The boundary and the outcome of the search, for the cycle with fewer periods.
 
     Raises
     ------
@@ -136,14 +138,14 @@ def end_of_sticking(osc: Model, parameter: str, between: tuple[float, float], *,
 
     Notes
     -----
-    One mass: by bisection on whether the mass rests, down to neighbouring floating-point numbers, where the stuck time
-    is about 1e-10 to 1e-8 of T: it vanishes as the distance to the power `scaling_exponent`. Of several ends between
-    the values one is found. About 60 walks from the release, 10 to 30 ms.
+    For one mass, bisection on whether the mass rests goes down to neighbouring floating-point numbers, where the stuck
+    time is about 1e-10 to 1e-8 of T: it vanishes as the distance to the power `scaling_exponent`. If there are several
+    ends between the values, one of them is found. This takes about 60 runs from the release, 10 to 30 ms.
 
-    For systems, the cycle is that to which the motion from rest settles at the value at which it rests; at the first
-    one, or that of fewer periods, where it does at both. It is followed towards the other value, stable or not, in
-    steps that are halved down to neighbouring numbers. A chatter is cut off at 1e-9 V, so that the boundary is some
-    1e-11 from its place. About 100 orbits, 2 to 10 s.
+    For systems, the cycle is the one to which the motion from rest settles at the value where it rests; if it rests at
+    both values, the one with fewer periods, or that at the first value. It is followed towards the other value, stable
+    or not, in steps that are halved down to neighbouring floating-point numbers. A chatter is cut off at 1e-9 V, which
+    shifts the boundary by about 1e-11. This takes about 100 orbits, 2 to 10 s.
 
     References
     ----------
@@ -181,13 +183,13 @@ def end_of_sticking(osc: Model, parameter: str, between: tuple[float, float], *,
     while abs(inside - outside) > narrow and (middle := 0.5 * (inside + outside)) not in (inside, outside):
         same = periods(middle, n_periods) == n_periods
         inside, outside = (middle, outside) if same else (inside, middle)
-    if 0 < periods(outside, n_periods) < n_periods:  # lost to the chatter of an earlier period, which has its end here
+    if 0 < periods(outside, n_periods) < n_periods:  # another chatter, in an earlier period, ends here
         inside, outside = outside, inside
     return _point(osc.replace(**{parameter: inside}), parameter, inside, osc.at(**{parameter: outside}), n_periods)
 
 
 def _followed(model: Model, parameter: str, inside: float, outside: float, n_periods: int) -> StickingEnd:
-    """Return where the orbit that rests at a value of a parameter is lost on the way to another."""
+    """Return the point at which the orbit that rests at one value of a parameter is lost on the way to another."""
     found = find_orbit(model.replace(**{parameter: inside}), n_periods=n_periods, n_impacts=-1)
     if not found:
         return StickingEnd(model.at(), parameter, outcome="unresolved", message=found.message)
@@ -196,9 +198,9 @@ def _followed(model: Model, parameter: str, inside: float, outside: float, n_per
     fraction, message = orbit.stuck_time / orbit.oscillator.period, ""
     if value == outside:
         outcome = "no_change"
-        message = f"the {orbit.name} orbit of `{parameter}` = {inside:g} goes on to {outside:g}"
+        message = f"the {orbit.name} orbit of `{parameter}` = {inside:g} persists up to {outside:g}"
     elif outcome != KIND:
-        why = "it folds" if outcome == "fold" else "no next one is found"
+        why = "it folds" if outcome == "fold" else "no next orbit is found"
         message = f"the orbit still rests for {fraction:.3g} T at `{parameter}` = {value!r}, where {why}"
         outcome = "lost"
     else:
@@ -207,9 +209,9 @@ def _followed(model: Model, parameter: str, inside: float, outside: float, n_per
 
 
 def ending(orbit: Any) -> tuple[str, float]:
-    """Return how a branch ends whose last orbit this is, which rests at a stop, and by how much it misses that.
+    """Return the kind of end of a branch from its last orbit, which rests at a stop, and the residual of that end.
 
-    At the end of sticking, at a fold, or lost, where its next orbit would graze a stop.
+    The end is an end of sticking, a fold, or "lost" if the next orbit would graze a stop.
     """
     (stop, *_), *_ = orbit.rests
     restitution = orbit.oscillator.stops[orbit.oscillator.stop_names.index(stop)].element.rebound(0.0)
@@ -234,7 +236,7 @@ def _point(model: Model, parameter: str, value: float, beyond: ImpactOscillator,
     elif missed > MET:
         outcome = "unresolved"
         message = (
-            f"the mass rests for {fraction:.3g} T at `{parameter}` = {value!r} and not at the next number: "
-            "a long transient magnifies rounding beyond double precision; look for cycles of fewer periods"
+            f"the mass rests for {fraction:.3g} T at `{parameter}` = {value!r} but not at the next number: "
+            "a long transient amplifies rounding errors; search for cycles of fewer periods"
         )
     return StickingEnd(osc, parameter, value, orbit.n_periods, fraction, missed, outcome, message, orbit)

@@ -1,6 +1,6 @@
-"""Figures of every result: Dataset in, matplotlib Axes out, one function per figure.
+"""Figures of all results: one function per figure takes a Dataset and returns matplotlib Axes.
 
-Legends lie below the axes, where they hide no data: give figures of your own layout="constrained".
+Legends are placed below the axes, where they hide no data; create your own figures with layout="constrained".
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from vibroimpact.plotting.orbits import phase_portrait, time_history
 from vibroimpact.plotting.sections import impact_map, stroboscopic_map
 from vibroimpact.plotting.style import SAMPLE_DIMS
 
-PIXEL = 8  # bytes, of the canvas and of the file made of it
+PIXEL = 8  # bytes per pixel, of the canvas and of the file
 
 __all__ = [
     "animate",
@@ -62,19 +62,19 @@ def __dir__() -> list[str]:
 
 
 def _drawer(kind: figures.Kind) -> Callable[..., Axes | Figure]:
-    """Return the function of a kind of figure; a bundled one takes all parts of one dataset."""
+    """Return the function of a kind of figure; for a bundled figure it takes all parts of one dataset."""
     draw: Callable[..., Axes | Figure] = globals()[kind.function]
     return (lambda dataset, **options: draw(unbundle(dataset), **options)) if kind.bundled else draw
 
 
 KINDS: dict[str, Callable[..., Axes | Figure]] = {name: _drawer(kind) for name, kind in figures.KINDS.items()}
-# By ending. Without a date and with fixed identifiers, the same figure is the same file.
+# By extension. Without a date and with fixed identifiers, equal figures give identical files.
 _METADATA: dict[str, dict[str, None]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
-_BY_SHAPE = ("impact_section", "stroboscopic_section", "bifurcation_diagram", "parameter_map")  # may have been sliced
+_BY_SHAPE = ("impact_section", "stroboscopic_section", "bifurcation_diagram", "parameter_map")  # may lack selected axes
 
 
 def default_kind(dataset: xr.Dataset) -> str:
-    """Return the name in `KINDS` of the figure that shows a result best.
+    """Return the name in `KINDS` of the default figure of a result.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def default_kind(dataset: xr.Dataset) -> str:
     Raises
     ------
     ValueError
-        No figure shows such a result; the message says which results have one.
+        There is no figure of such a result; the message lists the results that have one.
 
     Examples
     --------
@@ -127,32 +127,32 @@ def save_figure(
     dpi: float = 150.0,
     overwrite: bool = False,
 ) -> Path:
-    """Write a figure under its final name in one step, so that no half-written file ever appears there.
+    """Save a figure to a file. The file appears under its name only when it is complete.
 
     Parameters
     ----------
     figure : matplotlib.axes.Axes or matplotlib.figure.Figure
-        What to write; of axes, the whole figure that holds them.
+        What to save; for axes, the whole figure that contains them.
     path : path
-        The file; its ending, .png, .svg or .pdf, sets the format.
+        The file; its extension, .png, .svg or .pdf, determines the format.
     size : (float, float), optional
         Width and height in inches, each 0.5 to 100; None keeps the figure's own.
     dpi : float, 10 to 2400
-        Dots per inch, also of pixel parts inside an .svg or .pdf.
+        Dots per inch, also for the rasterised parts of an .svg or .pdf.
     overwrite : bool
         Whether an existing file may be replaced.
 
     Returns
     -------
     pathlib.Path
-        The file written.
+        The path of the file.
 
     Raises
     ------
     ValueError
-        The ending, `size` or `dpi` is not allowed.
+        The extension, `size` or `dpi` is not allowed.
     OSError
-        The file exists and `overwrite` is False, or it cannot be written; nothing is left behind.
+        The file exists and `overwrite` is False, or it cannot be written; no partial file is left.
 
     Examples
     --------
@@ -169,7 +169,7 @@ def save_figure(
     whole = figure.get_figure(root=True)
     if whole is None:
         raise ValueError(
-            "`figure` must be axes that belong to a figure; these were removed from theirs, draw them again"
+            "`figure` must be axes that belong to a figure; these were removed from theirs: draw them again"
         )
     target = check_output(path, overwrite=overwrite, endings=tuple(_METADATA))
     ending, original_size = target.suffix.lower(), whole.get_size_inches()

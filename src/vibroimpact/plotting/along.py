@@ -1,4 +1,4 @@
-"""Short texts on the curves that they name."""
+"""Short labels written on curves."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from matplotlib.transforms import Bbox
 
 from vibroimpact.plotting.style import INK, Floats
 
-PLACES = 60  # along a curve at which its text is tried
-BESIDE = (0.0, 1.0, -1.0, 2.0, -2.0)  # its height above the curve, in heights of a line; on the curve first
-ROOM = 3.0  # pixels between a text and others, and the frame
+PLACES = 60  # places along a curve tried for its label
+BESIDE = (0.0, 1.0, -1.0, 2.0, -2.0)  # heights above the curve that are tried, in line heights; on the curve first
+ROOM = 3.0  # pixels between a label and other labels or the frame
 HALO = withStroke(linewidth=2.4, foreground="white")
 
 
 def name_along(ax: Axes, named: Iterable[tuple[Line2D, str]]) -> None:
-    """Write on each curve its text, inside the axes, off other texts, and off other curves where that can be.
+    """Write its label on each curve, inside the axes, clear of other labels and, if possible, of other curves.
 
-    A curve on which no text has room stays without one. The figure is laid out first: sizes are those of its canvas.
+    A curve without room gets no label. The figure is laid out first, because sizes depend on its canvas.
     """
     figure: Any = ax.get_figure(root=True)
     figure.draw_without_rendering()
@@ -46,7 +46,7 @@ def name_along(ax: Axes, named: Iterable[tuple[Line2D, str]]) -> None:
 
 
 def _places(ax: Axes, line: Line2D) -> Floats:
-    """Return points of the visible part of a curve in pixels, equally far apart, those in its middle first."""
+    """Return equally spaced points of the visible part of a curve in pixels, those in the middle first."""
     points: Floats = ax.transData.transform(np.asarray(line.get_xydata(), dtype=float))
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
@@ -63,7 +63,7 @@ def _places(ax: Axes, line: Line2D) -> Floats:
 def _free(
     places: Floats, size: tuple[float, float], frame: Bbox, taken: Sequence[Bbox], others: Sequence[Floats]
 ) -> Bbox | None:
-    """Return the rectangle of a text that meets no other text, and as few points of other curves as can be."""
+    """Return a rectangle for a label that overlaps no other label, and as few points of other curves as possible."""
     width, height = size
     room = frame.width - width, frame.height - height
     if min(room) < 0.0:

@@ -1,4 +1,4 @@
-"""A motion as a film: the mass on its time history."""
+"""Animation of a motion: the mass moves along its time history."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from vibroimpact.plotting.orbits import time_history
 from vibroimpact.plotting.style import INK
 
 ENDINGS = (".gif", ".mp4")
-RATE = 25  # frames a second
-MOST = 3000  # frames, two minutes
-PERIODS = 10  # of the driving, at once
+RATE = 25  # frames per second
+MOST = 3000  # frames: two minutes
+PERIODS = 10  # driving periods per page
 DOTS = 100
 
 
@@ -41,24 +41,24 @@ def animate(
     overwrite: bool = False,
     progress: Callable[[int, int, Any], bool] | None = None,
 ) -> Path:
-    """Write a motion as a film of so many seconds, whatever time it takes itself.
+    """Write a motion as a film of the given duration.
 
     Parameters
     ----------
     simulation : xarray.Dataset
-        What `vibroimpact.simulate` returns.
+        The result of `vibroimpact.simulate`.
     path : path
-        `.gif`, or `.mp4`, written by ffmpeg: that of the system, or of the package imageio-ffmpeg.
+        A `.gif` or `.mp4` file. The latter needs ffmpeg, installed on the system or with the package imageio-ffmpeg.
     seconds : float, > 0 to 120
-        How long the film takes, at 25 frames a second.
+        Duration of the film, at 25 frames per second; the motion is stretched to it.
     coordinate : int, optional
-        For systems, which coordinate is shown, as in `time_history`.
+        For systems, the coordinate shown, as in `time_history`.
     stop : str, optional
         For systems, the stop whose clearance is shown instead.
     overwrite : bool
         Whether an existing film may be replaced.
     progress : callable, optional
-        Gets (frames done, frames in all, None) and returns whether to go on; else `KeyboardInterrupt` is raised.
+        Gets (frames done, frames in all, None) and returns whether to continue; if not, `KeyboardInterrupt` is raised.
 
     Returns
     -------
@@ -68,14 +68,14 @@ def animate(
     Raises
     ------
     ValueError
-        The ending is neither `.gif` nor `.mp4`, no ffmpeg is found for the latter, or the film is too long.
+        The extension is neither `.gif` nor `.mp4`, ffmpeg is not found for an `.mp4`, or the film is too long.
     OSError
         The film exists and `overwrite` is false, or it cannot be written.
 
     Notes
     -----
-    Ten driving periods are seen at once; a longer motion turns pages. Between samples displacements are interpolated:
-    ask `simulate` for as many as the film shall show. 10 ms a frame.
+    A page shows ten driving periods; a longer motion continues on further pages. Displacements are interpolated between
+    samples, so `simulate` with enough samples for the film. A frame takes about 10 ms.
 
     Examples
     --------
@@ -107,13 +107,13 @@ def animate(
 
 
 def _frames(ax: Axes, simulation: xr.Dataset, number: int) -> Iterator[Image.Image]:
-    """Draw each page once, and the mass upon it."""
+    """Yield the frames; each page is drawn once and the mass is added to it."""
     figure = ax.get_figure(root=True)
     assert figure is not None
     figure.set_dpi(DOTS)
     canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
-    figure.set_layout_engine("none")  # else every page were laid out anew, and the motion jumped
+    figure.set_layout_engine("none")  # otherwise each page would be laid out anew, and the picture would jump
     times, places = (np.asarray(values, np.float64) for values in ax.lines[0].get_data())
     begin, end = (float(simulation["time"][i]) for i in (0, -1))
     pages = max(math.ceil((end - begin) / (PERIODS * _period(simulation)) - 1e-6), 1)
@@ -132,7 +132,7 @@ def _frames(ax: Axes, simulation: xr.Dataset, number: int) -> Iterator[Image.Ima
 
 
 def _period(simulation: xr.Dataset) -> float:
-    """Return the driving period, from the samples taken of each."""
+    """Return the driving period, from the number of samples per period."""
     density = json.loads(simulation.attrs["arguments"])["samples_per_period"]
     return float(np.diff(simulation["time"].values).mean()) * float(density)
 
@@ -152,13 +152,13 @@ def _mp4_writer() -> Callable[[Path, Iterator[Image.Image]], None]:
             from imageio_ffmpeg import get_ffmpeg_exe
         except ImportError:
             raise ValueError(
-                "`out` ends in .mp4, which needs ffmpeg; install that, or imageio-ffmpeg by pip, or write a .gif"
+                "an .mp4 file needs ffmpeg; install ffmpeg, or `pip install imageio-ffmpeg`, or write a .gif"
             ) from None
         program = get_ffmpeg_exe()
 
     def write(path: Path, frames: Iterator[Image.Image]) -> None:
         first = next(frames)
-        width, height = (side - side % 2 for side in first.size)  # as the usual colours of films need
+        width, height = (side - side % 2 for side in first.size)  # the usual colour format of videos needs even numbers
         command = [program, "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}",
                    "-r", str(RATE), "-i", "-", "-pix_fmt", "yuv420p", "-f", "mp4", "-y", str(path)]  # fmt: skip
         with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as running:

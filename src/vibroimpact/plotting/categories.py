@@ -1,4 +1,4 @@
-"""Colours of names and of numbers in maps: which motion, how many periods and impacts in its cycle, why no value."""
+"""Colours of categories in maps: motions, numbers of periods and impacts per cycle, reasons for missing values."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.style import INK, STICKING, Layer, Mask
 from vibroimpact.status import Status
 
-COUNTS = ("n_periods", "n_impacts")  # of a cycle: numbers without an order of better and worse
-OPEN = "#ffffff"  # cells without a colour of their own; their patch in a legend has an edge
+COUNTS = ("n_periods", "n_impacts")  # numbers of a cycle, which have no order of better and worse
+OPEN = "#ffffff"  # colour of all other cells; its legend patch has an edge
 NO_VALUE = "#ead9b0"
 
-# Colours that the usual names always have, so that maps can be compared: impact-1 motions from blue to green.
+# Fixed colours of the usual names, so that maps can be compared: impact-1 motions from blue to green.
 USUAL = {
     (1, 1): "#0072b2",
     (2, 1): "#56b4e9",
@@ -33,8 +33,8 @@ NUMBERS = dict(enumerate(USUAL.values(), start=1))
 SPARE = ("#7a2e12", "#7a3dd8")
 PALETTE = (*USUAL.values(), *SPARE)
 OTHER_PERIODIC = "#c79a5b"
-MOST_NAMES = len(PALETTE)  # have colours of their own
-LEAST_SHARE = 0.005  # of the cells; rarer names have no colour of their own
+MOST_NAMES = len(PALETTE)  # most names with their own colour
+LEAST_SHARE = 0.005  # of the cells: smallest share of a name with its own colour
 
 COLORS = {
     MotionClass.STICKING: STICKING,
@@ -48,14 +48,14 @@ Name = TypeVar("Name", bound=Hashable)
 
 
 def name_colors(counts: Counter[Name], cells: int, usual: Mapping[Any, str] = USUAL) -> dict[Name, str]:
-    """Return the colours of the most frequent names (n_periods, n_impacts) among `cells`, the most frequent first."""
+    """Return the colours of the most frequent names (n_periods, n_impacts) in `cells`, the most frequent first."""
     ranked = [name for name, count in counts.most_common(MOST_NAMES) if count >= LEAST_SHARE * cells]
     spare = iter([*SPARE, *(color for name, color in usual.items() if name not in ranked)])
     return {name: usual.get(name) or next(spare) for name in ranked}
 
 
 def motion_layers(codes: Any, n_periods: Any, n_impacts: Any) -> Iterator[Layer]:
-    """Yield for each entry of a legend of motions which cells it fills, perhaps none, its colour and its name."""
+    """Yield, for each legend entry of motions, the mask of its cells (possibly none), its colour and its name."""
     rest = codes == MotionClass.PERIODIC
     counts = Counter(zip(n_periods[rest].tolist(), n_impacts[rest].tolist(), strict=True))
     for name, color in name_colors(counts, codes.size).items():
@@ -67,7 +67,7 @@ def motion_layers(codes: Any, n_periods: Any, n_impacts: Any) -> Iterator[Layer]
 
 
 def number_layers(sweep: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
-    """Yield for each number of periods or impacts in a cycle, then for each reason why there is none, its cells."""
+    """Yield the layer of each number of periods or impacts in a cycle, then of each reason for a missing number."""
     values = field.values
     counts = Counter(values[values > 0].tolist())
     colors = name_colors(counts, values.size, NUMBERS)
@@ -80,9 +80,9 @@ def number_layers(sweep: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
 
 
 def missing_layers(sweep: xr.Dataset, field: xr.DataArray, noun: str) -> Iterator[Layer]:
-    """Yield for each reason why an index has no value which cells it leaves without one, its colour and its name.
+    """Yield, for each reason why an index has no value, the mask of the cells affected, its colour and its name.
 
-    Cells are counted by their `noun`; without one they are not counted.
+    The name includes the number of cells, counted as `noun`, if that is given.
     """
     values, codes = field.values, sweep["status"].transpose(*field.dims).values
     gone = values <= 0 if field.name in COUNTS else ~np.isfinite(values)
@@ -94,7 +94,7 @@ def missing_layers(sweep: xr.Dataset, field: xr.DataArray, noun: str) -> Iterato
 
 
 def _reasons(sweep: xr.Dataset, field: xr.DataArray, values: Any) -> Iterator[tuple[Mask, str, str]]:
-    """Yield why a motion that goes on has no value of an index, and the colour of that."""
+    """Yield the reasons why a persistent motion has no value of an index, with their colours."""
     if field.name not in COUNTS:
         sticks = np.isneginf(values)
         yield sticks, STICKING, rf"sticking: {labels.symbol_of(field)} = $-\infty$"
@@ -109,7 +109,7 @@ def _reasons(sweep: xr.Dataset, field: xr.DataArray, values: Any) -> Iterator[tu
 
 
 def _without(field: xr.DataArray) -> str:
-    """Return why an index of a motion that goes on has no value: of one stop, that only others are struck."""
+    """Return why an index of a persistent motion has no value; for an index of one stop, that it is not struck."""
     if field.name == "grazing_margin":
         return "no near-miss"
     if field.name == "max_force":
@@ -118,6 +118,6 @@ def _without(field: xr.DataArray) -> str:
 
 
 def _classes(sweep: xr.Dataset, field: xr.DataArray) -> Any:
-    """Return the classes of motion of a map, -1 where it does not hold what decides them."""
+    """Return the classes of motion of a map; -1 if it lacks the indices that determine them."""
     decides = set(NEEDED) <= set(map(str, sweep.variables)) and "sample_impacts" in sweep.attrs.get("arguments", "")
     return classify(sweep)["motion"].transpose(*field.dims).values if decides else np.full(field.shape, -1)

@@ -1,4 +1,4 @@
-"""The cells of a map over two parameters: colours with their scale, the reasons for no value, hatching."""
+"""The cells of a map over two parameters: colours with their scale, reasons for missing values, hatching."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from vibroimpact.plotting.style import INK, WALL, Floats, Layer, Mask
 from vibroimpact.plotting.ticks import Scaled, power_of
 
 COLORS = "viridis"
-SIGNED = "RdBu_r"  # of exponents, white at zero
-SHOWN = 99.0  # per cent of the cells within the scale of exponents; the others saturate
+SIGNED = "RdBu_r"  # colour map of exponents, white at zero
+SHOWN = 99.0  # percentage of the cells within the colour scale of exponents; the others saturate
 HATCH = "////"
 ROOT = "(root scale)"
-FIGURE_SPACE = "\u2007"  # as wide as a digit
+FIGURE_SPACE = "\u2007"  # a space as wide as a digit
 
 
 def grid_of(field: xr.DataArray) -> tuple[Floats, Floats, Floats]:
-    """Return x, y and values of shape (len(y), len(x)): the map's first axis lies along x."""
+    """Return x, y and values of shape (len(y), len(x)); the first axis of the map becomes the x axis."""
     x, y = (field[dim].values.astype(float) for dim in field.dims)
     return x, y, field.values.astype(float).T
 
 
 def frame_plane(ax: Axes, field: xr.DataArray) -> None:
-    """Limit and label the axes by the two axes of a map."""
+    """Set the limits and labels of the axes from the two axes of a map."""
     x, y = (field[dim] for dim in field.dims)
     ax.set_xlim(float(x[0]), float(x[-1]))
     ax.set_ylim(float(y[0]), float(y[-1]))
@@ -45,7 +45,7 @@ def frame_plane(ax: Axes, field: xr.DataArray) -> None:
 
 
 def colour_mesh(ax: Axes, field: xr.DataArray, values: Any, **options: Any) -> QuadMesh:
-    """Draw a rectangle per cell in place of the grid's lines: colours, or numbers with their `cmap` and `norm`."""
+    """Draw one rectangle per cell, without grid lines: given colours, or numbers with their `cmap` and `norm`."""
     ax.grid(visible=False)
     x, y, _ = grid_of(field)
     return ax.pcolormesh(x, y, values, shading="nearest", zorder=1, rasterized=True, **options)
@@ -57,7 +57,7 @@ def swatch(color: str, text: str) -> Patch:
 
 
 def fill_cells(ax: Axes, field: xr.DataArray, layers: Iterable[Layer], others: str | None = None) -> list[Patch]:
-    """Fill the cells of each layer with its colour, the `others` with theirs or none; return legend entries."""
+    """Fill the cells of each layer with its colour, all other cells with `others` if given; return legend entries."""
     shape = grid_of(field)[2].shape
     shade, entries = np.zeros((*shape, 4)) if others is None else np.full((*shape, 3), to_rgb(others)), []
     for mask, color, text in (layer for layer in layers if layer[0].any()):
@@ -69,7 +69,7 @@ def fill_cells(ax: Axes, field: xr.DataArray, layers: Iterable[Layer], others: s
 
 
 def hatch_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
-    """Hatch the cells in which other initial conditions do what the colour does not show; return the legend entry."""
+    """Hatch the cells in which other initial conditions differ from the colour shown; return the legend entry."""
     if HATCHED not in sweep:
         return []
     mask = sweep[HATCHED].transpose(*field.dims).values.T
@@ -84,7 +84,7 @@ def hatch_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]
     corners = np.stack([np.stack([left, right, right, left, left]), np.stack([low, low, high, high, low])], axis=-1)
     codes = np.tile([Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY], len(boxes))
     area = Path(corners.transpose(1, 0, 2).reshape(-1, 2), codes)
-    for color, width in (("white", 2.4), (INK, 0.9)):  # seen on any colour
+    for color, width in (("white", 2.4), (INK, 0.9)):  # visible on any colour
         with mpl.rc_context({"hatch.linewidth": width}):
             ax.add_patch(PathPatch(area, facecolor="none", edgecolor=color, hatch=HATCH, linewidth=0.0, zorder=2))
     text = f"{sweep.attrs[HATCHED]} ({counted(int(mask.sum()), 'cell')})"
@@ -98,7 +98,7 @@ def _edges(centres: Floats) -> Floats:
 
 
 def add_bar(ax: Axes, mesh: Any, field: xr.DataArray, note: str = "", **options: Any) -> Any:
-    """Put the scale of colours beside a map, labelled with quantity and unit."""
+    """Add a colour bar beside a map, labelled with quantity and unit."""
     figure: Any = ax.get_figure(root=True)
     power = power_of(mesh.get_clim())
     bar = figure.colorbar(mesh, ax=ax, format=Scaled(power), **options)
@@ -108,7 +108,7 @@ def add_bar(ax: Axes, mesh: Any, field: xr.DataArray, note: str = "", **options:
 
 
 def root_shades(values: Floats) -> PowerNorm:
-    """Return colours on a square-root scale from zero, so that small values differ visibly beside a resonance."""
+    """Return colours on a square-root scale from zero, so that small values remain visible next to a resonance."""
     finite = values[np.isfinite(values)]
     low, high = float(finite.min(initial=np.inf)), float(finite.max(initial=-np.inf))
     if low >= high:  # one value, or none
@@ -117,13 +117,13 @@ def root_shades(values: Floats) -> PowerNorm:
 
 
 def symmetric_limit(values: Floats) -> float:
-    """Return the largest exponent that the colours show, of either sign: some 1 % of the cells exceed it."""
+    """Return the limit of the colour scale of exponents, for both signs; about 1 % of the cells exceed it."""
     sizes = np.abs(values[np.isfinite(values)])
     return float(np.percentile(sizes, SHOWN)) or 1.0 if sizes.size else 1.0
 
 
 def colour_scale(sweep: xr.Dataset, field: xr.DataArray) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return colours and scale of an index, and what its colour bar says: signed for exponents, else a root scale."""
+    """Return the colour map, scale and colour-bar note of an index: signed for exponents, else a square-root scale."""
     if field.name not in EXPONENTS:
         return {"cmap": COLORS, "norm": root_shades(resolved(sweep, field))}, {"note": ROOT}
     values = field.values.astype(float)
@@ -132,9 +132,9 @@ def colour_scale(sweep: xr.Dataset, field: xr.DataArray) -> tuple[dict[str, Any]
 
 
 def draw_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
-    """Draw every cell of an index in colour, with a scale beside; return legend entries for what it does not explain.
+    """Draw every cell of an index in colour with a colour bar; return legend entries for all other colours.
 
-    Of numbers of periods or impacts each has a colour, which a legend beside the map names.
+    For numbers of periods or impacts, each number has its own colour, explained in a legend beside the map.
     """
     values = grid_of(field)[2]
     entries = []
@@ -151,12 +151,12 @@ def draw_cells(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Patch]:
 
 
 def share_of(mask: Mask) -> str:
-    """Return the share of some cells in all, right-aligned."""
+    """Return the share of selected cells in per cent, right-aligned."""
     return labels.percent(float(mask.mean())).rjust(6, FIGURE_SPACE)
 
 
 def _beyond(values: Floats, limit: float) -> str:
-    """Return at which ends of the scale values exceed it, as Matplotlib calls them."""
+    """Return the ends at which values exceed the scale, in Matplotlib's terms."""
     finite = values[np.isfinite(values)]
     low, high = bool((finite < -limit).any()), bool((finite > limit).any())
     return "both" if low and high else "min" if low else "max" if high else "neither"

@@ -1,4 +1,4 @@
-"""What is followed: branches of periodic orbits over a diagram, boundaries of motions in a plane."""
+"""Results of continuation: branches of periodic orbits over a diagram, boundaries of motions in a plane."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from vibroimpact.plotting.diagrams import check_diagram, check_sweep, draw_sampl
 from vibroimpact.plotting.style import BLUE, BOUNDARY_COLORS, DOTS, GREEN, INK, RED, Floats, on_axes
 
 SAMPLES = "#a9a9a9"
-COLORS = (BLUE, RED, GREEN, "#8a5fa8", "#b8860b", "#56b4e9")  # one per name of an orbit, in their order
+COLORS = (BLUE, RED, GREEN, "#8a5fa8", "#b8860b", "#56b4e9")  # colours of orbit types, in the order of their appearance
 
-NAME_WIDTH, NAME_HEIGHT = 0.03, 0.05  # of the axes: the room that the letters of a point take
+NAME_WIDTH, NAME_HEIGHT = 0.03, 0.05  # fraction of the axes taken by the letters of a point
 
 STABLE, UNSTABLE, INADMISSIBLE = 0, 1, 2
 LOOKS: dict[int, dict[str, Any]] = {
@@ -37,7 +37,7 @@ LOOKS: dict[int, dict[str, Any]] = {
 
 
 class Special(NamedTuple):
-    """How a kind of special point looks in a branch diagram: name, letters, marker."""
+    """Appearance of a kind of special point in a branch diagram: name, letters, marker."""
 
     name: str
     letters: str
@@ -55,7 +55,7 @@ SPECIAL = {
 
 
 def _datasets(argument: str, value: Any, variable: str, allowed: str, makers: str) -> list[xr.Dataset]:
-    """Return the datasets of results, of one or of a sequence, if all hold the variable that tells their kind."""
+    """Return the datasets of one result or a sequence, if each has the variable that identifies its kind."""
     alone = isinstance(value, xr.Dataset) or not np.iterable(value)
     datasets = [getattr(result, "dataset", result) for result in ([value] if alone else value)]
     for dataset in datasets:
@@ -67,7 +67,7 @@ def _datasets(argument: str, value: Any, variable: str, allowed: str, makers: st
 
 
 def _plane(argument: str, drawn: list[xr.Dataset], must: str) -> list[str]:
-    """Return the parameters that vary along all branches or curves, in the order of the first one."""
+    """Return the parameters that vary along all branches or curves, in the order of the first."""
     planes = {frozenset(names): " and ".join(names) for names in map(_along, drawn)}
     if len(planes) > 1:
         raise ValueError(f"`{argument}` must {must}, got {', '.join(planes.values())}; draw one figure for each")
@@ -75,7 +75,7 @@ def _plane(argument: str, drawn: list[xr.Dataset], must: str) -> list[str]:
 
 
 def _kinds(codes: xr.DataArray) -> list[str]:
-    """Return the kinds of special points or of a curve by name."""
+    """Return the names of the kinds of special points or of a curve."""
     names = str(codes.attrs["flag_meanings"]).split()
     return [names[int(code)] for code in np.atleast_1d(codes.values)]
 
@@ -86,7 +86,7 @@ def _along(followed: xr.Dataset) -> list[str]:
 
 
 class Part(NamedTuple):
-    """A stretch of a branch of one look: parameter values, and a velocity of each impact."""
+    """A stretch of a branch drawn in one style: parameter values, and the velocities of each impact."""
 
     look: int
     values: Floats
@@ -95,18 +95,17 @@ class Part(NamedTuple):
 
 @on_axes
 def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | None = None) -> Axes:
-    """Draw branches of periodic orbits: stable parts solid, unstable ones dashed, bifurcations marked and named.
+    """Draw branches of periodic orbits: stable parts solid, unstable parts dashed, bifurcations marked and named.
 
-    Each impact of a cycle is a line. Parts with inadmissible orbits, which would penetrate the stop, are dotted; they
-    do not widen the view. A point on two branches is named once.
+    Each impact of a cycle gives one line. Parts with inadmissible orbits, which penetrate the stop, are dotted and do
+    not affect the axis limits. A point on two branches is named once.
 
     Parameters
     ----------
     branches : Branch, xarray.Dataset, or sequence of them
-        What `continue_orbit` returns, or the `dataset` of each, all along one parameter.
+        Results of `continue_orbit`, or their `dataset`, all along the same parameter.
     diagram : xarray.Dataset, optional
-        What `vibroimpact.bifurcation_diagram` returns with section="impact" over the same parameter, drawn beneath as
-        grey dots.
+        A `vibroimpact.bifurcation_diagram` with section="impact" over the same parameter, drawn beneath as grey dots.
 
     Examples
     --------
@@ -144,18 +143,18 @@ def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | 
 
 
 def split(branch: xr.Dataset, parameter: str) -> Iterator[Part]:
-    """Yield the stretches of a branch on which it stays stable, unstable, or inadmissible.
+    """Yield the stretches of a branch on which its orbits are all stable, all unstable, or all inadmissible.
 
-    A special point belongs to both stretches that meet in it.
+    A special point belongs to both stretches that meet at it.
     """
     values, velocities = branch[parameter].values, branch["velocity"].transpose("point", "impact").values
     stable, admissible = (branch[name].values.astype(bool) for name in ("stable", "admissible"))
     looks = np.where(admissible, np.where(stable, STABLE, UNSTABLE), INADMISSIBLE)
     special = np.isin(values, branch["special_value"].values)
-    # Between two points: of a special one rounding decides the side, so its neighbour decides the look.
+    # Between two points: rounding decides the side of a special point, so its neighbour determines the style.
     left, right = looks[:-1], looks[1:]
     between = np.where(special[:-1], right, np.where(special[1:], left, np.maximum(left, right)))
-    # Between two special points the second decides: the look beyond it is known, and changes at it.
+    # Between two special points the second decides: the style beyond it is known, and changes there.
     kinds = dict(zip(branch["special_value"].values.tolist(), _kinds(branch["special_kind"]), strict=True))
     for k in np.flatnonzero(special[:-1] & special[1:])[::-1]:
         if k + 1 < len(between):
@@ -168,14 +167,14 @@ def split(branch: xr.Dataset, parameter: str) -> Iterator[Part]:
 
 
 def _before(kind: str, beyond: int, otherwise: int) -> int:
-    """Return the look before a special point from that beyond it."""
+    """Return the style before a special point from the style beyond it."""
     if kind == "grazing":
         return otherwise if beyond == INADMISSIBLE else INADMISSIBLE
     return {STABLE: UNSTABLE, UNSTABLE: STABLE}.get(beyond, beyond)
 
 
 def _special_points(drawn: list[xr.Dataset]) -> Iterator[tuple[str, float, Floats]]:
-    """Yield kind, parameter value and impact velocities of the special points, each once."""
+    """Yield kind, parameter value and impact velocities of each special point once."""
     met: list[tuple[str, float]] = []
     for branch in drawn:
         rows = branch["special_velocity"].transpose("special", "impact").values
@@ -202,7 +201,7 @@ def _draw_special(ax: Axes, drawn: list[xr.Dataset]) -> list[Line2D]:
 
 
 def _merged(ax: Axes, names: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
-    """Return names and their places; those that would overlap are joined into one, each kind named once."""
+    """Return names and their places; overlapping names are merged, with each kind named once."""
     wide, high = np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())
     joined: list[tuple[float, float, list[str]]] = []
     for value, height, letters in sorted(names):
@@ -225,7 +224,7 @@ def _check_beneath(diagram: Any, parameter: str) -> None:
 
 
 def _draw_beneath(ax: Axes, drawn: list[xr.Dataset], diagram: xr.Dataset | None, parameter: str) -> Floats:
-    """Draw the samples of the diagram in grey, or limit the axis by the branches; return the heights drawn."""
+    """Draw the samples of the diagram in grey, or set the x limits from the branches; return the heights drawn."""
     if diagram is None:
         values = np.concatenate([branch[parameter].values for branch in drawn])
         ax.set_xlim(*style.view(values, float(np.abs(values).max()) or 1.0))
@@ -237,24 +236,25 @@ def _draw_beneath(ax: Axes, drawn: list[xr.Dataset], diagram: xr.Dataset | None,
 
 @on_axes
 def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std", ax: Axes | None = None) -> Axes:
-    """Draw the curves on which motions fold, double their period, graze, or cease to stick.
+    """Draw the curves on which motions fold, double their period, graze, or cease to stick (bifurcation curves).
 
     Parameters
     ----------
     curves : Boundary, xarray.Dataset, or sequence of them
-        What `continue_boundary` or `boundary_curves` returns, or the `dataset` of each, all in one plane.
+        Results of `continue_boundary` or `boundary_curves`, or their `dataset`, all in one plane.
     sweep : xarray.Dataset, optional
-        A `vibroimpact.parameter_map` over the same two parameters, drawn beneath as by `index_contour`, without its
-        boundary lines; its first axis lies along x.
+        A `vibroimpact.parameter_map` over the same two parameters, drawn beneath as in `index_contour` but without
+        boundary lines; its first axis is the x axis.
     index : str
-        Which index of `sweep` is drawn.
+        The index of `sweep` to draw.
 
     Notes
     -----
-    The colour shows the kind, the dashes the driving periods in a cycle: solid for 1, dashed for 2, and a dot more for
-    each further one. On each curve with room for it stands its type, p1 i2 for period-1 impact-2. Without `sweep` the
-    first parameter of the curves lies along x, unless `ax` is labelled the other way round; axes that show the plane
-    already keep their limits and their legend. Between its points a curve is drawn straight.
+    The colour shows the kind, and the dashes show the driving periods in a cycle: solid for 1, dashed for 2, with one
+    more dot for each further period. Curves with enough room are labelled with their type, such as p1 i2 for period-1
+    impact-2. Without `sweep` the first parameter of the curves is on the x axis, unless `ax` is labelled the other way
+    round; axes that already show the plane keep their limits and legend. The points of a curve are joined by straight
+    lines.
 
     Examples
     --------
@@ -289,9 +289,9 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
 
 
 def _entries(drawn: list[xr.Dataset], lines: list[Line2D]) -> Iterator[Line2D]:
-    """Yield the entries of a legend, one per look, by periods and then by kind, labelled with all motions that have it.
+    """Yield the legend entries, one per style, by periods and then by kind, labelled with all its motions.
 
-    Curves of a kind that differ in their impacts alone look alike: the text on each tells which it is.
+    Curves that differ only in their numbers of impacts have the same style; the label on each curve shows its type.
     """
     looks: dict[tuple[int, str], list[tuple[str, Line2D]]] = {}
     for curve, line in zip(drawn, lines, strict=True):
@@ -308,12 +308,12 @@ def _entries(drawn: list[xr.Dataset], lines: list[Line2D]) -> Iterator[Line2D]:
 
 
 def _name_of(kind: str) -> str:
-    """Return a kind of boundary as it stands before the motion that it bounds."""
+    """Return the name of a kind of boundary as written before the name of a motion."""
     return "end" if kind == "end_of_sticking" else SPECIAL[kind].name
 
 
 def _type_of(curve: xr.Dataset) -> str:
-    """Return the motion that a curve bounds, as short as can be."""
+    """Return the shortest name of the motion that a curve bounds."""
     n, p = (int(curve.attrs[name]) for name in ("n_periods", "n_impacts"))
     if motion_along(curve) == WITHOUT:
         return "no impact"
@@ -330,7 +330,7 @@ def _check_plane(sweep: Any, plane: list[str]) -> None:
 
 
 def _order(ax: Axes, curve: xr.Dataset, plane: list[str]) -> tuple[str, str]:
-    """Return which parameter lies along x and which along y: as the axes are labelled, else in the plane's order."""
+    """Return the parameters on the x and the y axis: as the axes are labelled, else in the plane's order."""
     shown = tuple(text.replace("\n", " ").partition(" [")[0] for text in (ax.get_xlabel(), ax.get_ylabel()))
     for x, y in (plane, plane[::-1]):
         if shown in (("", ""), tuple(labels.label(curve[name]).partition(" [")[0] for name in (x, y))):
@@ -358,5 +358,5 @@ def _draw_curve(ax: Axes, curve: xr.Dataset, x: str, y: str) -> Line2D:
 
 
 def _dashes(n_periods: int) -> Any:
-    """Return the dashes of curves of that many driving periods: a dash, and a dot for each period beyond two."""
+    """Return the dash pattern for a number of driving periods: a dash, and a dot for each period beyond two."""
     return "solid" if n_periods == 1 else (0, (3.0, 1.2, *(0.7, 1.1) * (n_periods - 2)))

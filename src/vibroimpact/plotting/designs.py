@@ -1,4 +1,4 @@
-"""Pictures of designs: the model as a sketch, and the settled motions of two designs side by side."""
+"""Figures of designs: a sketch of the model, and the settled motions of two designs side by side."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ _FRAME, _MASS_LEFT, _MASS_RIGHT, _STOP = 0.0, 4.0, 6.4, 8.0
 _BOTTOM, _TOP = 0.0, 2.8
 _SPRING, _DAMPER = 2.05, 0.75
 
-SETTLED = 1000  # impacts, and periods, left out before a comparison
+SETTLED = 1000  # transient impacts and periods left out in a comparison
 SAMPLED = 2000
-COMPARABLE = 4.0  # designs whose views differ by more than this factor keep views of their own
+COMPARABLE = 4.0  # largest ratio between the views of two designs that share their axis limits
 
 
 def _wall(ax: Axes, left: float, right: float, bottom: float, top: float, face: str) -> None:
-    """Draw fixed ground: hatched, with a firm line on the side named by `face`."""
+    """Draw fixed ground: hatched, with a solid line on the side `face`."""
     ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, facecolor="#f0f0f0", edgecolor="#8a8a8a",
                            hatch="/////", linewidth=0.0))  # fmt: skip
     edges = {"left": ([left, left], [bottom, top]), "right": ([right, right], [bottom, top]),
@@ -89,11 +89,11 @@ def oscillator_sketch(oscillator: Model | None = None, ax: Axes | None = None) -
     Parameters
     ----------
     oscillator : ImpactOscillator or family, optional
-        Its parameters are written under the sketch.
+        The oscillator whose parameters are written below the sketch; None writes none.
 
     References
     ----------
-    Lee, equation 1 (which prints k y' for k y, a misprint) and figure 1.
+    Lee, equation 1 (with the misprint k y' for k y) and figure 1.
 
     Examples
     --------
@@ -142,17 +142,17 @@ def comparison_figure(
     periods: float = 8,
     size: tuple[float, float] = (11.0, 12.0),
 ) -> Figure:
-    """Draw the settled motion of two designs side by side: time history, phase portrait, impact map.
+    """Draw the settled motions of two designs side by side: time history, phase portrait, impact map.
 
     Parameters
     ----------
     designs : xarray.Dataset or two models
-        The `dataset` of what `vibroimpact.compare` returns, or the two designs: oscillators, systems or families. Of a
-        system the first coordinate is drawn, or the clearance of the first stop where none acts on that alone.
+        The `dataset` of a `vibroimpact.compare` result, or the two designs: oscillators, systems or families. For
+        systems, the first coordinate is drawn, or, if no stop acts on it alone, the clearance of the first stop.
     names : two str
-        The names of the two designs; a dataset has its own.
+        The names of the two designs; a dataset includes its names.
     periods : float, > 0
-        Driving periods shown.
+        Number of driving periods shown.
     size : (float, float), 0.5 to 100
         Width and height in inches.
 
@@ -163,13 +163,13 @@ def comparison_figure(
     Raises
     ------
     ValueError
-        `designs` is neither of these.
+        `designs` is neither a comparison nor two models.
 
     Notes
     -----
-    Each motion starts from rest and is drawn after 1000 driving periods. Where others hit harder, the title of a
-    comparison says how hard, and from which share of the initial conditions. Figures in a row share their
-    view unless the motions differ more than fourfold in size, or the walls of a system stand in it.
+    Each motion starts from rest and is drawn after 1000 driving periods. If other motions hit harder, the title of a
+    comparison gives their impact velocity and share of initial conditions. Axes in a row have the same limits unless
+    the motions differ more than fourfold in size, or a system's stops are shown.
 
     Examples
     --------
@@ -205,7 +205,7 @@ Designs = tuple[list[Any], list[list[str]], list[list[str]]]
 
 
 def _designs(designs: Any, names: Sequence[str]) -> Designs:
-    """Return the oscillators or systems of two designs, their names and motions, and what they differ in, as text."""
+    """Return the oscillators or systems of two designs, their names and motions, and their differences as text."""
     if isinstance(designs, xr.Dataset) and designs.attrs.get("function") == "compare":
         return _compared(designs)
     models = designs if isinstance(designs, (list, tuple)) else ()
@@ -235,7 +235,7 @@ def _compared(dataset: xr.Dataset) -> Designs:
 
 
 def _heads(design: xr.Dataset) -> Iterator[str]:
-    """Yield what a design does: its motion from rest, and a harder one that other initial conditions lead to."""
+    """Yield the motion of a design from rest, and a harder one reached from other initial conditions."""
     yield f"{design['design'].item()}: {design['motion'].item()} from rest"
     if "worst_share" in design and np.isfinite(share := float(design["worst_share"])):
         yield f"from {labels.percent(share)} of initial conditions: {design['worst_motion'].item()}"
@@ -243,14 +243,14 @@ def _heads(design: xr.Dataset) -> Iterator[str]:
 
 
 def _motion_from_rest(model: Any) -> str:
-    """Return the name of the motion that a start from rest settles to."""
+    """Return the name of the motion that is reached from rest."""
     window: dict[str, Any] = {"transient_impacts": SETTLED, "sample_impacts": SAMPLED}
     cell = classify(parameter_map(model, omega=[model.omega], indices=NAMING, **window)).isel(omega=0)
     return motion_name(int(refined(cell["motion"], cell["status"])), int(cell["n_periods"]), int(cell["n_impacts"]))
 
 
 def _settled_state(model: Model) -> State | None:
-    """Return the state of the settled motion at phase 0; None if it has none. An impact there counts as before it."""
+    """Return the state of the settled motion at phase 0, before an impact there; None if there is none."""
     looks = stroboscopic_section(model, transient_periods=SETTLED, sample_periods=1)
     if not looks.sizes["period"]:
         return None
@@ -259,14 +259,14 @@ def _settled_state(model: Model) -> State | None:
 
 
 def _has_one_fixed_stop(model: Any) -> bool:
-    """Whether figures of such models can share a view: one coordinate below one rigid stop that stays in place."""
+    """Whether the models can share axis limits: one coordinate below one fixed rigid stop."""
     return model.coordinates == len(model.stops) == 1 and not (
         model.stops[0].compliant or model.stops[0].motion or model.stops[0].direction[0] < 0.0
     )
 
 
 def _share(axes: Sequence[Axes], along: str, gaps: Sequence[float] | None = None) -> None:
-    """Give figures of comparable size one view, and extend the stop to its end."""
+    """Set the same limits for axes of comparable size, and extend the stop to them."""
     views = [ax.get_xlim() if along == "x" else ax.get_ylim() for ax in axes]
     low, high = min(low for low, _ in views), max(high for _, high in views)
     if high - low > COMPARABLE * min(b - a for a, b in views):

@@ -1,4 +1,4 @@
-"""One swept parameter: the bifurcation diagram, an index as a curve, and both; is a result the sweep that is drawn."""
+"""One swept parameter: the bifurcation diagram, an index as a curve, and both; checks of the results drawn."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from vibroimpact.plotting.categories import COUNTS, missing_layers
 from vibroimpact.plotting.style import BLUE, DOTS, INK, Floats, on_axes
 from vibroimpact.status import Status
 
-DRAW_ALL = 200_000  # samples; up to so many, each is drawn
-PAPERS_SCALE = 5.0  # of Std over the velocities, in Lee's figure 10
-HATCHED = "hatched"  # in a map of several initial conditions
-ELSEWHERE = "#e69f00"  # where only other initial conditions do so
+DRAW_ALL = 200_000  # largest number of samples that are all drawn
+PAPERS_SCALE = 5.0  # scale of Std over the velocities in Lee's figure 10
+HATCHED = "hatched"  # attribute and variable in a map of several initial conditions
+ELSEWHERE = "#e69f00"  # colour where only other initial conditions lead to impacts
 UNRANKED = ("motion", "n_periods", "n_impacts")
-LEVELS = 2000  # above it, samples of one column in the same 1/LEVELS of the axis are drawn once
+LEVELS = 2000  # if there are more, samples of a column within the same 1/LEVELS of the axis are drawn once
 
 
 def check_diagram(value: Any) -> tuple[str, str]:
-    """Return the names of a bifurcation diagram's axis and of its sample dimension, or raise `ValueError`."""
+    """Return the names of the axis and the sample dimension of a bifurcation diagram, or raise `ValueError`."""
     if isinstance(value, xr.Dataset) and "velocity" in value and len(value["velocity"].dims) == 2:
         samples = [str(dim) for dim in value["velocity"].dims if dim in style.SAMPLE_DIMS]
         axes = [str(dim) for dim in value["velocity"].dims if dim not in style.SAMPLE_DIMS]
@@ -36,9 +36,9 @@ def check_diagram(value: Any) -> tuple[str, str]:
 
 
 def check_sweep(value: Any, index: str, n_axes: int) -> tuple[xr.Dataset, xr.DataArray]:
-    """Return a parameter map over `n_axes` axes and its `index`, or raise `ValueError` saying what to select.
+    """Return a parameter map over `n_axes` axes and its `index`; raise a `ValueError` that says what to select.
 
-    Of several initial conditions it is the worst value, which the map's `note` says.
+    For several initial conditions it is the worst value, and the map's `note` says so.
     """
     allowed = f"a parameter_map over {('one axis', 'two axes')[n_axes - 1]}"
     if not isinstance(value, xr.Dataset) or "status" not in value or set(value.dims) & set(style.SAMPLE_DIMS):
@@ -61,18 +61,19 @@ def check_sweep(value: Any, index: str, n_axes: int) -> tuple[xr.Dataset, xr.Dat
 
 
 def check_lengths(argument: str, field: xr.DataArray) -> None:
-    """Raise `ValueError` where an axis has a single value."""
+    """Raise `ValueError` if an axis has a single value."""
     for dim, size in field.sizes.items():
         if size < 2 and dim != "start":
             raise ValueError(f"`{argument}` needs two or more values along each axis, got 1 along {dim}")
 
 
 def with_index(sweep: xr.Dataset, index: str) -> tuple[xr.Dataset, xr.DataArray]:
-    """Return a map and its index; of several initial conditions the worst value, NaN with the status of the first.
+    """Return a map and its index; for several initial conditions the worst value, or NaN with the first one's status.
 
-    Worst is the largest value (of a grazing margin the smallest); of what has no worst, motions and numbers of periods
-    and impacts, it is the first. `HATCHED` marks the cells in which the others do what the colour does not show: they
-    hit where the first does not, or lead to another motion; the attribute of the same name says which.
+    The worst value is the largest (for a grazing margin the smallest). Motions and numbers of periods and impacts have
+    no worst value; the first is taken. `HATCHED` marks the cells in which other initial conditions differ from the
+    colour shown: they lead to impacts where the first does not, or to another motion; the attribute of the same name
+    says which.
     """
     names = [str(name) for name in sweep.data_vars if name != "status"]
     choice("index", index, names, "or run the map again with it among `indices`")
@@ -82,7 +83,7 @@ def with_index(sweep: xr.Dataset, index: str) -> tuple[xr.Dataset, xr.DataArray]
 
 
 def _of_starts(sweep: xr.Dataset, index: str) -> xr.Dataset:
-    """Return a map of several initial conditions without their dimension, as `with_index` says."""
+    """Reduce a map over several initial conditions to one value per cell, as described in `with_index`."""
     several, first = counted(sweep.sizes["start"], "initial condition"), sweep.isel(start=0, drop=True)
     starts = json.loads(sweep.attrs.get("arguments", "{}")).get("start")
     at_rest = isinstance(starts, int) or (isinstance(starts, list) and starts[0] is None)
@@ -93,7 +94,7 @@ def _of_starts(sweep: xr.Dataset, index: str) -> xr.Dataset:
         meaning = f"another {'motion' if index == 'motion' else 'number'} from other initial conditions"
         attributes = {"note": f"{origin}, the first of {several}", HATCHED: meaning, "origin": f" {origin}"}
         return first.assign({HATCHED: differs}).assign_attrs(attributes)
-    extreme = np.fmin if index == "grazing_margin" else np.fmax  # of what is no number the other
+    extreme = np.fmin if index == "grazing_margin" else np.fmax  # for an index that is a category
     worst = sweep[[index]].reduce(extreme.reduce, "start", keep_attrs=True)
     silent = first["status"].isin([Status.NO_IMPACT, Status.STOPPED_IMPACTING, Status.STUCK_FOREVER, Status.DECAYING])
     hits = (sweep["status"] <= Status.SHORT_WINDOW).any("start")
@@ -108,7 +109,7 @@ def _of_starts(sweep: xr.Dataset, index: str) -> xr.Dataset:
 
 
 def resolved(sweep: xr.Dataset, field: xr.DataArray) -> Floats:
-    """Return the values of an index that decide limits and units: a spread that is only rounding is 0, a count > 0."""
+    """Return the values of an index that set limits and units: spreads from rounding are 0, counts > 0 only."""
     values, model = field.values.astype(float), labels.selected_model(sweep)
     rounding = ROUNDING * spread_scale(str(field.name), model.velocity_scale if model else 1.0)
     if field.name in COUNTS:
@@ -117,10 +118,10 @@ def resolved(sweep: xr.Dataset, field: xr.DataArray) -> Floats:
 
 
 def _points(axis: Floats, columns: Floats) -> tuple[Floats, Floats]:
-    """Return the points to draw of `columns`, shape (len(axis), samples), NaN-padded.
+    """Return the points to draw from `columns`, shape (len(axis), samples), NaN-padded.
 
-    Many samples are thinned by height, not by rank: every k-th sample of a period-k motion would show one
-    branch of k. The points drawn are samples, unrounded.
+    Many samples are thinned by height, not by rank: every k-th sample of a period-k motion would show only one of its k
+    branches. The points drawn are unrounded samples.
     """
     kept = np.isfinite(columns)
     if kept.sum() > DRAW_ALL:
@@ -146,7 +147,7 @@ def draw_samples(ax: Axes, diagram: xr.Dataset, axis: str, samples: str, quantit
 
 
 def mark_empty(ax: Axes, diagram: xr.Dataset, axis: str) -> None:
-    """Mark along the bottom the columns without a sample, by their status."""
+    """Mark the columns without samples along the bottom, by status."""
     if "status" in diagram:
         empty = diagram["velocity"].isnull().all([dim for dim in style.SAMPLE_DIMS if dim in diagram.dims])
         layers = style.by_status(empty.values, diagram["status"].values, "column", style.origin(diagram))
@@ -154,14 +155,14 @@ def mark_empty(ax: Axes, diagram: xr.Dataset, axis: str) -> None:
 
 
 def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) -> None:
-    """Set the limits of the y axis: speeds from zero, a phase from 0 to 1, the rest around what is drawn."""
+    """Set the limits of the y axis: speeds from zero, phases from 0 to 1, other quantities around the data."""
     model = labels.selected_model(diagram)
     speed = model.velocity_scale if model else 1.0
     if quantity == "phase":
         ax.set_ylim(-0.03, 1.0)
     elif quantity == "velocity" and "impact" in diagram[quantity].dims:
         top = float(np.nanmax(heights, initial=0.0)) or speed
-        low = float(np.nanmin(heights, initial=0.0))  # an exponent drawn over the speeds may be negative
+        low = float(np.nanmin(heights, initial=0.0))  # an exponent drawn on the velocity axis may be negative
         ax.set_ylim(low - 0.03 * (top - low), top + 0.05 * (top - low))
     else:
         per_speed = model.slowest_frequency if model and quantity == "displacement" else 1.0
@@ -170,21 +171,21 @@ def set_height(ax: Axes, diagram: xr.Dataset, quantity: str, heights: Floats) ->
 
 @on_axes
 def bifurcation_diagram(diagram: xr.Dataset, quantity: str | None = None, ax: Axes | None = None) -> Axes:
-    """Draw the samples of settled motions against the swept parameter.
+    """Draw samples of the settled motions against the swept parameter.
 
     Parameters
     ----------
     diagram : xarray.Dataset
-        What `vibroimpact.bifurcation_diagram` returns, of either section.
+        A result of `vibroimpact.bifurcation_diagram`, of either section.
     quantity : {"velocity", "phase", "displacement"}, optional
-        What lies along y: of an impact section "velocity" (the default) or "phase", of a stroboscopic section
-        "displacement" (the default) or "velocity".
+        The quantity on the y axis: for an impact section "velocity" (the default) or "phase", for a stroboscopic
+        section "displacement" (the default) or "velocity".
 
     Notes
     -----
-    Columns without a sample are marked along the bottom, and the legend says why they are empty. Up to
-    200,000 samples are all drawn; of more, those of one column within the same 1/2000 of the height are
-    drawn once, so a thousand columns of 5000 samples take about a second.
+    Columns without samples are marked along the bottom, and the legend explains why they are empty. Up to 200,000
+    samples are all drawn; if there are more, samples of one column within the same 1/2000 of the height are drawn once,
+    so a thousand columns of 5000 samples take about a second.
 
     References
     ----------
@@ -212,7 +213,7 @@ def bifurcation_diagram(diagram: xr.Dataset, quantity: str | None = None, ax: Ax
 
 
 def _draw_index(ax: Axes, field: xr.DataArray, scale: float) -> Floats:
-    """Draw `scale` times an index over its axis, with a dot where both neighbours have no value."""
+    """Draw `scale` times an index over its axis, with a dot for values whose two neighbours are missing."""
     values = scale * field.values.astype(float)
     if field.name in COUNTS:
         values[values <= 0.0] = np.nan
@@ -235,18 +236,20 @@ def diagram_with_index(
 ) -> Axes:
     r"""Draw a bifurcation diagram of impact velocities (blue dots) with an index on top (black line).
 
-    Std lies over the velocities, five times enlarged as in the paper; other indices have their own axis on the right.
+    Std is drawn on the axis of the velocities, multiplied by 5 as in the paper; other indices have their own axis on
+    the right.
 
     Parameters
     ----------
     diagram : xarray.Dataset
-        What `vibroimpact.bifurcation_diagram` returns with section="impact".
+        A `vibroimpact.bifurcation_diagram` with section="impact".
     sweep : xarray.Dataset
-        What `vibroimpact.parameter_map` returns over the same one axis; the grids may differ.
+        A `vibroimpact.parameter_map` over the same axis; the grids may differ.
     index : str
         The index drawn, one that `sweep` holds.
     scale : float, optional
-        Factor with which the index is drawn on the axis of the velocities. None is 5 for `std`.
+        Factor by which the index is multiplied to draw it on the axis of the velocities. None means 5 for `std`, and a
+        separate axis for other indices.
 
     References
     ----------
@@ -295,7 +298,7 @@ def _draw_beside(ax: Axes, sweep: xr.Dataset, field: xr.DataArray) -> list[Any]:
 
 
 def _frame_index(ax: Axes, values: Floats) -> None:
-    """Set the limits of the y axis around an index and zero, with a line at zero if it is negative somewhere."""
+    """Set the limits of the y axis around an index and zero, with a line at zero if it has negative values."""
     finite = values[np.isfinite(values)]
     low, high = finite.min(initial=0.0), finite.max(initial=0.0)
     span = float(high - low) or 1.0
@@ -308,14 +311,14 @@ def _frame_index(ax: Axes, values: Floats) -> None:
 def index_curve(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -> Axes:
     r"""Draw an index against the one parameter swept.
 
-    The line is broken where the index has no value; marks along the bottom show the statuses that say why. Of several
-    initial conditions the worst value is drawn, as in `index_contour`, and where only others than the first lead to
-    impacts is marked.
+    The line is broken where the index has no value; marks along the bottom show the status that explains it. For
+    several initial conditions the worst value is drawn, as in `index_contour`, and columns in which the first leads to
+    no impacts but others do are marked.
 
     Parameters
     ----------
     sweep : xarray.Dataset
-        What `vibroimpact.parameter_map` returns over one axis.
+        A `vibroimpact.parameter_map` over one axis.
     index : str
         The index drawn, one that `sweep` holds.
 

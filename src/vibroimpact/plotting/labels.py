@@ -1,4 +1,4 @@
-"""What labels and titles say: names, symbols, units, the parameters that a result holds fixed."""
+"""Texts of labels and titles: names, symbols, units, and the fixed parameters of a result."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from vibroimpact.model import Model
 from vibroimpact.parameters import counted
 from vibroimpact.plotting.ticks import power_of, quantity, scale_axis, unit_label
 
-MOST = 8  # values of parameters in a title
-PER_INCH = 11.5  # letters of an axis label
+MOST = 8  # most parameter values in a title
+PER_INCH = 11.5  # most letters in a line of an axis label
 
 _MATH = {
     "w": r"\omega",
@@ -31,12 +31,12 @@ _MATH = {
     "λ per impact": r"\lambda_\mathrm{impact}",
     "Std": r"\mathrm{Std}",
 }
-WORDS = ("stuck", "spread", "margin")  # of the table of indices, which no figure shows: the long name says it
+WORDS = ("stuck", "spread", "margin")  # index symbols omitted in figures, where the long name suffices
 
 
 def math(symbol: str) -> str:
-    """Return a symbol of the glossary as mathtext; a name of several letters as plain text."""
-    if match := re.fullmatch(r"([^\W_])_(\w+)('?)", symbol):  # such as g_bar, of a stop
+    """Return a glossary symbol as mathtext; a name of several letters becomes plain text."""
+    if match := re.fullmatch(r"([^\W_])_(\w+)('?)", symbol):  # such as g_bar, the gap of a stop named "bar"
         letter, name, prime = match.groups()
         dot, below = r"\dot " if prime else "", name.replace("_", r"\ ")
         return rf"${dot}{letter}_\mathrm{{{below}}}$"
@@ -46,7 +46,7 @@ def math(symbol: str) -> str:
 
 
 def described(data: xr.DataArray) -> tuple[str, str, str]:
-    """Return long name, unit and symbol of a labelled array; the package's table fills in what is missing."""
+    """Return long name, unit and symbol of a labelled array, completed from the package's table."""
     usual = VARIABLES.get(str(data.name), (str(data.name), "", ""))
     long_name, units, symbol = (
         str(data.attrs.get(key, other)) for key, other in zip(("long_name", "units", "symbol"), usual, strict=True)
@@ -61,7 +61,7 @@ def symbol_of(data: xr.DataArray) -> str:
 
 
 def label(data: xr.DataArray, power: int = 0) -> str:
-    r"""Return an axis label such as 'angular driving frequency $\omega$ [rad/s]', in units of a power of ten."""
+    r"""Return an axis label such as 'angular driving frequency $\omega$ [rad/s]', with a power of ten in the unit."""
     long_name, units, symbol = described(data)
     shown = symbol_of(data) if symbol not in ("", long_name, data.name, *WORDS) else ""
     if symbol == "Std":
@@ -70,13 +70,13 @@ def label(data: xr.DataArray, power: int = 0) -> str:
 
 
 def letters(text: str) -> int:
-    """Return the number of letters that a label shows."""
+    """Return the number of visible letters of a label."""
     plain = re.sub(r"\\[a-zA-Z,]+ ?", "x", text.replace(r"\mathrm", ""))
     return max(len(re.sub(r"[${}^_]", "", line)) for line in plain.split("\n"))
 
 
 def wrapped(text: str, room: float) -> str:
-    """Return a label in as many lines as it needs; symbols, units and what stands in parentheses are not split."""
+    """Return a label wrapped into lines; symbols, units and text in parentheses are not split."""
     parts = re.findall(r"\(.*?\)|\$[^$]*\$|\[[^]]*\]|\S+", text)
     lines = parts[:1]
     for part in parts[1:]:
@@ -89,9 +89,9 @@ def wrapped(text: str, room: float) -> str:
 
 
 def label_axis(axis: Axis, data: xr.DataArray, values: Any = None) -> None:
-    """Label an axis with name, symbol and unit, and give it ticks in that unit, with a prefix where it needs one.
+    """Label an axis with name, symbol and unit, and set ticks in that unit, with a prefix if needed.
 
-    The size of `values` decides; None takes the axis limits, or the data where limits are not set yet.
+    The magnitude of `values` determines the prefix; None uses the axis limits, or the data if no limits are set yet.
     """
     axes: Any = axis.axes
     along_x = axis is axes.xaxis
@@ -105,18 +105,18 @@ def label_axis(axis: Axis, data: xr.DataArray, values: Any = None) -> None:
 
 
 def label_axes(ax: Axes, x: xr.DataArray, y: xr.DataArray) -> None:
-    """Label both axes with name, symbol and unit of what lies along them."""
+    """Label both axes with the names, symbols and units of their quantities."""
     label_axis(ax.xaxis, x)
     label_axis(ax.yaxis, y)
 
 
 def value_text(symbol: str, value: float, units: str) -> str:
-    """Return 'm = 1 kg' for a quantity and its value."""
+    """Return a quantity and its value, such as 'm = 1 kg'."""
     return f"{math(symbol)} = {quantity(value, units)}"
 
 
 def parameter_value_text(symbol: str, value: float, units: str) -> str:
-    """Return a parameter and its value, an angular frequency also in Hz."""
+    """Return a parameter and its value; angular frequencies are also given in Hz."""
     hertz = f" ({quantity(value / (2.0 * np.pi), 'Hz')})" if units == "rad/s" else ""
     return value_text(symbol, value, units) + hertz
 
@@ -128,12 +128,12 @@ def parameter_text(name: str, model: Model) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share in per cent."""
+    """Return a share as a percentage."""
     return f"{100.0 * share:.1f} %" if share >= 0.0005 else "<0.1 %"
 
 
 def refused(argument: str, value: Any, allowed: str, hint: str) -> ValueError:
-    """Return the error for a value of another kind, which it names."""
+    """Return the error for a value of the wrong kind; its message names the kind received."""
     if isinstance(value, xr.Dataset):
         names, dims = (", ".join(map(str, part)) for part in (value.data_vars, value.dims))
         maker = f"a result of {value.attrs['function']}" if value.attrs.get("function") else "a Dataset"
@@ -145,7 +145,7 @@ def refused(argument: str, value: Any, allowed: str, hint: str) -> ValueError:
 
 
 def _selected(dataset: xr.Dataset) -> dict[str, float]:
-    """Return the values selected from the axes of a result."""
+    """Return the axis values selected from a result."""
     return {
         str(name): float(coord)
         for name, coord in dataset.coords.items()
@@ -154,7 +154,7 @@ def _selected(dataset: xr.Dataset) -> dict[str, float]:
 
 
 def _family(dataset: xr.Dataset) -> tuple[str, dict[str, float]] | None:
-    """Return the name of the family that made a result, and its parameters; None for a plain oscillator."""
+    """Return the name and the parameters of the family of a result; None for a plain oscillator."""
     if "model" not in dataset.attrs:
         return None
     values = json.loads(dataset.attrs["model"])
@@ -162,9 +162,9 @@ def _family(dataset: xr.Dataset) -> tuple[str, dict[str, float]] | None:
 
 
 def selected_model(dataset: xr.Dataset) -> Any:
-    """Return the oscillator or the system of a result, with the values selected from its axes; None if not recorded.
+    """Return the oscillator or system of a result at the selected axis values; None if not recorded.
 
-    Of a family it is the one at the family's own values.
+    For a family, it is the one at the family's own values.
     """
     if not {"oscillator", "system"} & set(dataset.attrs):
         return None
@@ -175,7 +175,7 @@ def selected_model(dataset: xr.Dataset) -> Any:
 
 
 def model_value(dataset: xr.Dataset, name: str) -> float | None:
-    """Return a parameter's value in the model of a result; None if there is none."""
+    """Return the value of a parameter in the model of a result; None if it has none."""
     family = _family(dataset)
     if family:
         return family[1].get(name)
@@ -185,7 +185,7 @@ def model_value(dataset: xr.Dataset, name: str) -> float | None:
 
 
 def title(dataset: xr.Dataset) -> str:
-    """Return the parameters that a result holds fixed, and its note or from where it begins, in one line."""
+    """Return the fixed parameters of a result, and its note or initial condition, in one line."""
     model, family = selected_model(dataset), _family(dataset)
     varied = {str(name) for name, coord in dataset.coords.items() if coord.ndim}
     values: list[str] = []
@@ -201,7 +201,7 @@ def title(dataset: xr.Dataset) -> str:
 
 
 def _origin(dataset: xr.Dataset) -> str:
-    """Return from which initial condition a result was computed, if it says so."""
+    """Return the initial condition of a result as text; empty if it is not recorded."""
     start = str(dataset.attrs.get("initial_condition", "")).partition(":")[0]
     direction = json.loads(dataset.attrs.get("arguments", "{}")).get("direction", "fresh")
     way = "" if direction == "fresh" else f"going {direction} "

@@ -1,4 +1,4 @@
-"""An index over two parameters: coloured map, surface, boundary lines; over scattered designs; the cells of any map."""
+"""An index over two parameters, as coloured map, surface or boundary lines, and over scattered designs."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from vibroimpact.plotting.cells import COLORS, ROOT, add_bar, colour_scale, draw
 from vibroimpact.plotting.style import BLUE, DOTS, INK, RED, WALL, Floats, on_axes
 from vibroimpact.plotting.ticks import Scaled, power_of, quantity, unit_label
 
-LEVEL_OF_V = 0.05  # the default boundary of Std, as a part of the velocity scale V
+LEVEL_OF_V = 0.05  # default boundary of Std, relative to the velocity scale V
 
 
 def boundary_lines(sweep: xr.Dataset, index: str, level: float) -> list[Floats]:
-    """Return the lines on which an index equals a level, interpolated linearly between cells.
+    """Return the contour lines of an index at a level, interpolated linearly between cells.
 
     Parameters
     ----------
     sweep : xarray.Dataset
-        What `vibroimpact.parameter_map` returns over two axes.
+        A `vibroimpact.parameter_map` over two axes.
     index : str
         An index that `sweep` holds.
     level : float
@@ -43,7 +43,7 @@ def boundary_lines(sweep: xr.Dataset, index: str, level: float) -> list[Floats]:
     Returns
     -------
     list of numpy.ndarray, each of shape (n, 2)
-        Points in the units of the first and the second axis. A closed line ends on its first point.
+        Points in the units of the first and the second axis. A closed line ends at its first point.
 
     Raises
     ------
@@ -52,8 +52,8 @@ def boundary_lines(sweep: xr.Dataset, index: str, level: float) -> list[Floats]:
 
     Notes
     -----
-    Lines stop at cells without a value. Where an index jumps, a line is exact to one cell. Cells that equal
-    the level to 1e-6 count as above it.
+    Lines end at cells without a value. Where an index jumps, lines are accurate to one cell. Cells within 1e-6 of the
+    level count as above it.
 
     Examples
     --------
@@ -65,14 +65,14 @@ def boundary_lines(sweep: xr.Dataset, index: str, level: float) -> list[Floats]:
     """
     x, y, values = grid_of(diagrams.check_sweep(sweep, index, 2)[1])
     height = real_number("level", level)
-    # A plateau at the very level, such as p/n = 1, would else be crossed wherever its last digits waver.
+    # Otherwise a plateau exactly at the level, such as p/n = 1, would be crossed wherever rounding varies.
     values = np.where(np.isclose(values, height, rtol=1e-6, atol=0.0), height + 1e-5 * abs(height), values)
     generator = contourpy.contour_generator(x, y, np.ma.masked_invalid(values), line_type="Separate")
     return [np.asarray(line) for line in generator.lines(height)]
 
 
 def _boundary_level(sweep: xr.Dataset, field: xr.DataArray, level: float | None) -> tuple[float, str] | None:
-    """Return the level of the boundary and how the legend explains it; None where no level has a meaning."""
+    """Return the level of the boundary and its text in the legend; None if the index has no default level."""
     units = labels.described(field)[1]
     if level is not None:
         return (number := real_number("level", level)), quantity(number, units, 3)
@@ -86,7 +86,7 @@ def _boundary_level(sweep: xr.Dataset, field: xr.DataArray, level: float | None)
 def _reference_values(
     sweep: xr.Dataset, field: xr.DataArray, reference: Mapping[str, float] | None
 ) -> dict[str, float]:
-    """Return the axis values to mark: those of `reference`, else that of the oscillator on the second axis."""
+    """Return the axis values to mark: those in `reference`, else the oscillator's own value on the second axis."""
     limits = {str(dim): (float(field[dim].min()), float(field[dim].max())) for dim in field.dims}
     if reference is None:
         axis = str(field.dims[1])
@@ -119,7 +119,7 @@ def _draw_references(ax: Axes, field: xr.DataArray, values: Mapping[str, float])
         text = labels.value_text(symbol or name, value, units)
         if along_x:
             low, high = ax.get_ylim()
-            below = value > low + 0.93 * (high - low)  # above the line it would cover the title
+            below = value > low + 0.93 * (high - low)  # above the line it would overlap the title
             offset, side = ((-4, -4), "top") if below else ((-4, 3), "bottom")
             ax.annotate(text, (1.0, value), offset, ax.get_yaxis_transform(), ha="right", va=side, **look)
         else:
@@ -127,7 +127,7 @@ def _draw_references(ax: Axes, field: xr.DataArray, values: Mapping[str, float])
 
 
 def _draw_boundary(ax: Axes, lines: list[Floats], text: str) -> Line2D:
-    """Draw the lines of a level, white with a dark halo; return the legend's entry."""
+    """Draw contour lines in white with a dark outline; return the legend entry."""
     halo = [withStroke(linewidth=1.9, foreground=INK)]
     drawn = LineCollection(lines, colors="white", linewidths=0.8, path_effects=halo, zorder=4)
     ax.add_collection(drawn, autolim=False)
@@ -142,7 +142,7 @@ def index_contour(
     reference: Mapping[str, float] | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw an index over two parameters in colour, with boundary lines and a marked reference value.
+    """Draw an index over two parameters as a coloured map, with boundary lines and a marked reference value.
 
     Parameters
     ----------
@@ -151,23 +151,24 @@ def index_contour(
     index : str
         The index drawn, one that `sweep` holds.
     level : float, optional
-        Value on the boundary lines, in the unit of the index. By default, for `std`, 5 % of the velocity scale
-        V = max(f, k |g|)/sqrt(k m) of the reference oscillator, as the legend shows; no lines for other indices.
+        Value on the boundary lines, in the unit of the index. The default for `std` is 5 % of the velocity scale V =
+        max(f, k |g|)/sqrt(k m) of the reference oscillator, as given in the legend; other indices have no lines by
+        default.
     reference : dict of str to float, optional
-        Axis values to mark by a line, such as ``{"mass": 1.0}``. By default the reference oscillator's own
-        value on the second axis; ``{}`` marks none.
+        Axis values to mark by a line, such as ``{"mass": 1.0}``. The default is the reference oscillator's own value on
+        the second axis; ``{}`` marks none.
 
     Notes
     -----
-    Every cell is drawn as computed, without smoothing; colours follow the square root of the index, those of exponents
-    are as in `exponent_map`, and of `n_periods` and `n_impacts` each number has its own, as have chaos, complete
-    chatter and no impact. Cells without a value are grey or red by their status, which the legend names.
+    Every cell is drawn as computed, without smoothing. Colours are on a square-root scale; exponents are coloured as in
+    `exponent_map`. For `n_periods` and `n_impacts`, each number has its own colour, and so have chaos, complete chatter
+    and no impact. Cells without a value are grey or red by status, as explained in the legend.
 
-    Of several initial conditions the worst value is drawn: the largest, of `grazing_margin` the smallest. Cells that
-    the first leaves without impacts while others lead to some are hatched. Of numbers of periods and impacts it is the
-    first, and the cells are hatched in which others lead to another number.
+    For several initial conditions the worst value is drawn: the largest, for `grazing_margin` the smallest. Cells in
+    which the first initial condition leads to no impacts but others do are hatched. Numbers of periods and impacts are
+    those of the first initial condition, and cells in which others lead to another number are hatched.
 
-    "Stable" below a level of Std is the paper's reading: a stable period-1 impact-2 motion has a large Std too.
+    The paper calls motions below a level of Std "stable"; but a stable period-1 impact-2 motion has a large Std, too.
 
     References
     ----------
@@ -196,7 +197,7 @@ def index_contour(
 
 @on_axes
 def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None) -> Axes:
-    """Draw an index over two parameters as a surface: mountains where impacts vary, plains where they repeat.
+    """Draw an index over two parameters as a surface: high where impacts vary, low where they repeat.
 
     Parameters
     ----------
@@ -207,9 +208,9 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
 
     Notes
     -----
-    `ax` must be three-dimensional. Every cell is drawn, none is thinned out. Cells without a value lie flat at the
-    bottom, in the colours of `index_contour`, which the legend names. Of several initial conditions the worst value is
-    drawn, as there.
+    `ax` must be three-dimensional. Every cell is drawn. Cells without a value are drawn flat at the bottom, in the
+    colours of `index_contour`, as explained in the legend. For several initial conditions the worst value is drawn, as
+    in `index_contour`.
 
     References
     ----------
@@ -241,13 +242,13 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
         text = labels.wrapped(short, 22) if data is field else labels.wrapped(labels.label(data, power), 40)
         axis.set_label_text(text)
         longest = max(map(len, axis.major.formatter.format_ticks(axis.get_majorticklocs())))
-        axis.labelpad = 10 + 4 * max(0, longest - 5) * (axis is not solid.xaxis)  # whose labels lie below its ticks
+        axis.labelpad = 10 + 4 * max(0, longest - 5) * (axis is not solid.xaxis)  # z labels are below the ticks
     bar = add_bar(solid, surface, field, ROOT, shrink=0.6, pad=0.1)
-    solid.set_box_aspect((1.2, 1.2, 0.7), zoom=0.95)  # leaves room for the labels outside the box
+    solid.set_box_aspect((1.2, 1.2, 0.7), zoom=0.95)  # room for the labels outside the box
     solid.view_init(elev=38, azim=-70)
     style.legend_below(solid, entries)
     if (figure := solid.get_figure(root=True)) in style.PACKAGE_FIGURES:
-        figure.set_layout_engine("none")  # it takes an outer box for the labels that changes with each drawing
+        figure.set_layout_engine("none")  # the outer box of the labels changes with each drawing
         low = 0.08 + style.LEGEND_LINE * style.legend_lines(solid) / figure.get_figheight()
         solid.set_position((0.0, low, 0.76, 0.92 - low))
         bar.ax.set_position((0.8, low + 0.15, 0.03, 0.6 - low))
@@ -255,9 +256,9 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
 
 
 def _draw_surface(solid: Any, sweep: xr.Dataset, field: xr.DataArray, colors: ScalarMappable) -> list[Patch]:
-    """Draw the surface between the centres of cells, and flat where one has no value; return legend entries of that.
+    """Draw the surface between cell centres, flat where values are missing; return legend entries for the latter.
 
-    One collection, so that what lies in front hides what lies behind.
+    All is one collection, so that parts in front hide parts behind.
     """
     x, y, values = grid_of(field)
     shade, entries = np.zeros((*values.shape, 4)), []
@@ -282,7 +283,7 @@ def _draw_surface(solid: Any, sweep: xr.Dataset, field: xr.DataArray, colors: Sc
 
 
 def _check_points(value: Any, index: str) -> tuple[xr.Dataset, xr.DataArray, list[xr.DataArray]]:
-    """Return a map of scattered designs, its `index` and the parameters that vary, or raise `ValueError`."""
+    """Return a map of scattered designs, its `index` and the varied parameters, or raise `ValueError`."""
     if not isinstance(value, xr.Dataset) or "status" not in value or "point" not in value["status"].dims:
         hint = "pass what vibroimpact.parameter_map(points=...) returns"
         raise labels.refused("designs", value, "a parameter_map of scattered designs", hint)
@@ -295,16 +296,16 @@ def _check_points(value: Any, index: str) -> tuple[xr.Dataset, xr.DataArray, lis
 
 @on_axes
 def index_scatter(designs: xr.Dataset, index: str = "std", ax: Axes | None = None) -> Axes:
-    """Draw an index of scattered designs: each a dot over its first two varied parameters, coloured by the index.
+    """Draw scattered designs as dots over their first two varied parameters, coloured by an index.
 
-    With one varied parameter the index lies along y. Designs without a value are crosses in the colour of their
-    status, which the legend names. Of several initial conditions the worst value is drawn, as in `index_contour`; a
-    ring stands for its hatching.
+    With one varied parameter, the index is on the y axis. Designs without a value are crosses in the colour of their
+    status, as explained in the legend. For several initial conditions the worst value is drawn, as in `index_contour`,
+    with rings in place of hatching.
 
     Parameters
     ----------
     designs : xarray.Dataset
-        What `vibroimpact.parameter_map` returns for ``points=``, a table of designs.
+        A `vibroimpact.parameter_map` computed with ``points=``, a table of designs.
     index : str
         The index drawn, one that `designs` holds.
 

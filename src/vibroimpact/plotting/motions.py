@@ -1,4 +1,4 @@
-"""Which motion: names and exponents over two parameters, attractors over initial conditions."""
+"""Motions in maps: names and exponents over two parameters, attractors over initial conditions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from vibroimpact.plotting.style import DOTS, INK, RINGS, Layer, on_axes
 from vibroimpact.plotting.ticks import quantity
 from vibroimpact.status import Status
 
-# Of attractors: Okabe and Ito's palette, the lightest and most different hues first; without impacts they are grey.
+# Colours of attractors: Okabe and Ito's palette, lightest and most distinct hues first; grey without impacts.
 ATTRACTORS = "#56b4e9", "#e69f00", "#009e73", "#cc79a7", "#f0e442", "#0072b2", "#d55e00"
 FURTHER = "#7a5230"
 QUIET = {
@@ -31,26 +31,26 @@ QUIET = {
 }
 RING = RINGS | {"markersize": 5.0, "markeredgecolor": INK, "markeredgewidth": 1.2}
 DOT = DOTS | {"markersize": 1.8, "color": INK}
-FEW = 24  # points of an attractor that are marked as rings; more are marked as dots
+FEW = 24  # most points of an attractor marked as rings; beyond, dots
 
 
 @on_axes
 def motion_map(sweep: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the name of the motion in every cell of a map over two parameters.
 
-    The most frequent periodic motions have a colour each, rarer ones share one; sticking, chaos, no impact and
-    undecided cells have their own. The legend gives the share of each in the cells.
+    The most frequent periodic motions have one colour each, and rarer ones share a colour; sticking, chaos, no impact
+    and undecided cells have their own colours. The legend gives the share of the cells of each.
 
     Parameters
     ----------
     sweep : xarray.Dataset
-        What `vibroimpact.classify` returns over two axes, or a `parameter_map` that it takes; the first axis lies
-        along x.
+        A result of `vibroimpact.classify` over two axes, or a `parameter_map` accepted by it; the first axis is the x
+        axis.
 
     Notes
     -----
-    Every cell is drawn as computed. The usual names have the same colour on every map. All colours differ for
-    readers who see two of the three primaries. Of several initial conditions the colour is the motion from the first;
+    Every cell is drawn as computed. The usual names have the same colour in every map. All colours can be distinguished
+    by colour-blind readers (dichromats). For several initial conditions the colour shows the motion from the first;
     cells in which others lead to another motion are hatched.
 
     Examples
@@ -92,9 +92,9 @@ def exponent_map(sweep: xr.Dataset, index: str = "lyapunov", ax: Axes | None = N
 
     Notes
     -----
-    White is zero: bifurcations are white lines within blue. Both signs share one scale; the outermost 1 % of the cells
-    exceed it. A motion that sticks loses all memory of its start: its exponent is minus infinity and has a colour
-    of its own. Cells without a value are grey or red by their status, which the legend names.
+    White is zero: bifurcations appear as white lines within blue. Positive and negative values share one scale, which
+    about 1 % of the cells exceed. Sticking erases all perturbations, so its exponent is minus infinity, shown in a
+    separate colour. Cells without a value are grey or red by status, as explained in the legend.
 
     Examples
     --------
@@ -113,18 +113,18 @@ def exponent_map(sweep: xr.Dataset, index: str = "lyapunov", ax: Axes | None = N
 
 @on_axes
 def basin_portrait(dataset: xr.Dataset, *, ax: Axes | None = None) -> Axes:
-    """Draw which initial conditions lead to which attractor, one colour per attractor, and where the attractors lie.
+    """Draw the basins of attraction, one colour per attractor, and the attractors themselves.
 
     Parameters
     ----------
     dataset : xarray.Dataset
-        What `vibroimpact.basins` returns; its first axis lies along x.
+        A result of `vibroimpact.basins`; its first axis is the x axis.
 
     Notes
     -----
     Every initial condition is drawn as computed. The legend names each motion with its hardest impact and its share of
-    the initial conditions; the eighth attractor with impacts and all smaller ones share a colour. Rings (dots where
-    there are more than 24) mark the attractors themselves: their impacts, or their states at the portrait's phase.
+    the initial conditions; the eighth attractor with impacts and all smaller ones share a colour. Rings (dots if there
+    are more than 24) mark the attractors themselves: their impacts, or their states at the portrait's phase.
 
     Examples
     --------
@@ -155,7 +155,7 @@ def _attractors(value: Any) -> xr.DataArray:
 
 
 def _title(dataset: xr.Dataset) -> str:
-    """Return the oscillator's parameters, and the phase of initial conditions that have none of their own."""
+    """Return the oscillator's parameters and, if it is common to all initial conditions, their phase."""
     fixed = labels.title(dataset)
     if "phase" in dataset.dims or not fixed:
         return fixed
@@ -164,7 +164,7 @@ def _title(dataset: xr.Dataset) -> str:
 
 
 def _basins(dataset: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
-    """Yield which initial conditions each attractor of the legend has, its colour and its name; then the others."""
+    """Yield mask of initial conditions, colour and name of each attractor in the legend; then of the others."""
     numbers, codes = field.values.T, dataset["status"].transpose(*field.dims).values.T
     shares, hardest = dataset["share"].values, dataset["max_velocity"].values
     units, colors, further = labels.described(dataset["max_velocity"])[1], iter(ATTRACTORS), []
@@ -186,7 +186,7 @@ def _basins(dataset: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
 
 
 def _mark_attractors(ax: Axes, dataset: xr.Dataset, names: list[str]) -> list[dict[str, Any]]:
-    """Mark the points of each attractor that lie in the portrait; return the marks seen there."""
+    """Mark the points of each attractor within the portrait; return the marks."""
     marks = []
     for x, y in zip(*(dataset[name].values for name in names), strict=True):
         if not (points := int(np.isfinite(x).sum())):

@@ -33,7 +33,7 @@ COORDINATES: dict[str, Dims] = {
 
 
 def check_result(argument: str, value: Any, maker: str, needed: Mapping[str, Dims]) -> None:
-    """Raise `ValueError` unless the needed variables of a result lie along their one dimension each."""
+    """Raise `ValueError` unless a result has the required variables, each over the required dimension."""
     if not isinstance(value, xr.Dataset) or any(
         name not in value or value[name].dims != ((dim,) if isinstance(dim, str) else dim)
         for name, dim in needed.items()
@@ -47,7 +47,7 @@ def check_result(argument: str, value: Any, maker: str, needed: Mapping[str, Dim
 
 
 def legend(ax: Axes, dataset: xr.Dataset, *above: Axes) -> None:
-    """Draw the legend of axes and those above, which says how a motion ended unless it simply filled its window."""
+    """Draw the legend of the axes and those above, with the status of the motion unless it is complete."""
     status = status_of(dataset)
     if status is not None and not status.has_indices:
         ax.plot([], [], linestyle="none", label=style.outcome(status))
@@ -60,10 +60,10 @@ def status_of(dataset: xr.Dataset) -> Status | None:
 
 
 def _broken_orbit(states: tuple[Floats, ...], impacts: tuple[Floats, ...]) -> tuple[Floats, Floats, Floats]:
-    """Return time, y and y' with each impact put in: arrival, a break (NaN) where y' jumps, departure.
+    """Return time, y and y' with each impact inserted: arrival, a break (NaN) where y' jumps, departure.
 
-    `states` are time, y and y' of samples, `impacts` their times, y, and y' before and after. Samples alone would cut
-    the corner at each impact with a chord that the mass never follows.
+    `states` holds time, y and y' of samples; `impacts` holds times, y, and y' before and after. Samples alone would
+    replace the corner at each impact by a chord.
     """
     (sampled, place, rate), (times, at, before, after) = states, impacts
     jump = np.column_stack([before, np.where(before == after, before, np.nan), after]).ravel()
@@ -76,15 +76,15 @@ def _broken_orbit(states: tuple[Floats, ...], impacts: tuple[Floats, ...]) -> tu
 
 
 def _rounded(t: Floats, y: Floats, dy: Floats, parts: int = 6) -> tuple[Floats, Floats, Floats]:
-    """Return the cubic through neighbouring states (y and y' at both ends), so that few samples draw no polygon.
+    """Return cubic interpolants between neighbouring states (y and y' at both ends), for smooth lines.
 
-    Between samples h apart it errs by (h w)^4/384 of the motion's size, less than a line's width. NaN stays a break.
+    For a sample spacing h the error is (h w)^4/384 of the motion's size, less than a line's width. NaN remains a break.
     """
     if len(t) > 50_000:
         return t, y, dy
     s, h = np.arange(parts) / parts, np.diff(t)[:, None]
     y0, y1, v0, v1 = y[:-1, None], y[1:, None], dy[:-1, None], dy[1:, None]
-    # Between nearly equal instants, as at an impact, a slope would be mere rounding.
+    # Between nearly equal instants, as at an impact, slopes would consist of rounding errors.
     apart = h > 1e-6 * h.max(initial=0.0)
     slope = (y1 - y0) / np.where(apart, h, 1.0)
     bend = s * s * (3.0 - 2.0 * s)
@@ -97,7 +97,7 @@ def _rounded(t: Floats, y: Floats, dy: Floats, parts: int = 6) -> tuple[Floats, 
 
 
 def _sticks(simulation: xr.Dataset) -> Floats:
-    """Return the (start, end) of each stick; one not released lasts to the end of the record."""
+    """Return the (begin, end) of each stick; without a release it lasts to the end of the record."""
     if "stick_time" not in simulation:
         return np.empty((0, 2))
     starts, ends = simulation["stick_time"].values, simulation["release_time"].values
@@ -105,14 +105,14 @@ def _sticks(simulation: xr.Dataset) -> Floats:
 
 
 def draw_sticks(ax: Axes, bars: Any, name: str, zorder: float) -> None:
-    """Draw a bar along each stick: a line of times and places."""
+    """Draw a bar along each stick, given as a line of times and positions."""
     look: dict[str, Any] = {"colors": GREEN, "linewidths": 5, "zorder": zorder, "capstyle": "butt"}
     ax.add_collection(LineCollection(bars, label=name, **look), autolim=False)
 
 
 @dataclass(frozen=True)
 class _Motion:
-    """What is drawn of a simulation: y and y' over time, those at impacts, and the line through both."""
+    """The data drawn from a simulation: y and y' over time and at impacts, and the line through both."""
 
     view: View
     y: xr.DataArray
@@ -121,14 +121,14 @@ class _Motion:
     line: tuple[Floats, Floats, Floats]
 
     def groups(self, simulation: xr.Dataset) -> Iterator[tuple[Any, str, str]]:
-        """Yield which impacts are drawn alike, their colour and their name."""
+        """Yield the groups of impacts drawn in one style, with colour and name."""
         for wall, struck in self.view.struck(simulation):
             where = f" on {wall.name}" if "impact_stop" in simulation else ""
             text = counted(int(struck.sum()), "impact") + where
             yield struck, color_of(self.view.model, wall.name), text
 
     def rests(self, simulation: xr.Dataset) -> Iterator[tuple[list[Floats], str, str]]:
-        """Yield, of each stop that is drawn, time, y and y' along each stick at it, their name, and where they are."""
+        """Yield, for each stop drawn, time, y and y' along each stick at it, their name, and their position."""
         sticks, names = _sticks(simulation), stops_of(simulation, "stick", self.view.model)
         for wall in self.view.walls:
             spans = sticks[names == wall.name]
@@ -137,19 +137,19 @@ class _Motion:
                 yield [self.view.rest(wall, *span) for span in spans], counted(len(spans), "stick"), where
 
     def limits(self, ax: Axes, *, upright: bool) -> tuple[float, float]:
-        """Draw the stops and return the limits of the axis of y."""
+        """Draw the stops and return the limits of the y axis."""
         return draw_walls(ax, self.view, self.line[1], self.line[0], upright=upright)
 
 
 def _motion(simulation: xr.Dataset, coordinate: int | None, stop: str | None) -> _Motion:
-    """Return the motion that is drawn of a checked simulation."""
+    """Return the motion to draw from a checked simulation."""
     several = isinstance(simulation, xr.Dataset) and "coordinate" in simulation.dims
     check_result("simulation", simulation, "simulate", STATES | (COORDINATES if several else {}))
     view = view_of(simulation, coordinate, stop)
     if view is None:
         raise ValueError(
-            "`simulation` has no attribute 'oscillator', which says where the stop is; "
-            "keep the attributes (xarray.set_options(keep_attrs=True)) when you compute with a result"
+            "`simulation` has no attribute 'oscillator', which holds the position of the stop; "
+            "to keep attributes in computations with results, call xarray.set_options(keep_attrs=True)"
         )
     y, rate, impacts = view.labelled(simulation), view.labelled(simulation, rate=True), view.impacts(simulation)
     states = simulation["time"].values, y.values, rate.values
@@ -162,20 +162,20 @@ def time_history(
 ) -> Axes:
     """Draw displacement against time, with the stop, the impacts on it and the sticks.
 
-    The line includes the instants of impact, so that it reaches the stop where the mass does. For systems, a coordinate
-    or the clearance of a stop is drawn with all stops that act on it alone, and impacts are coloured by stop. How far
-    it goes into a compliant stop is shaded; a new figure shows the forces of such stops below, and behind each contact
-    a box as long as it lasts and as high as its largest force.
+    The line includes the instants of impact, so that it reaches the stop exactly. For systems, a coordinate or the
+    clearance of a stop is drawn with all stops that act on it alone, and impacts are coloured by stop. The penetration
+    of compliant stops is shaded; a new figure also shows their forces in a panel below, where each contact has a box
+    with its duration and peak force.
 
     Parameters
     ----------
     simulation : xarray.Dataset
-        What `vibroimpact.simulate` returns.
+        The result of `vibroimpact.simulate`.
     coordinate : int, optional
-        For systems, which coordinate is drawn; 0 is the first. None takes that, or the clearance of the first stop
-        where no stop acts on it alone.
+        For systems, the coordinate drawn; 0 is the first. None draws the first coordinate or, if no stop acts on it
+        alone, the clearance of the first stop.
     stop : str, optional
-        For systems, the stop whose clearance is drawn instead.
+        For systems, the stop whose clearance is drawn instead of a coordinate.
 
     Examples
     --------
@@ -216,19 +216,19 @@ def phase_portrait(
     """Draw velocity against displacement, with the stop and the jumps of velocity at it.
 
     The line is broken at each impact; a thin dashed line joins arrival (y' = v) and departure (y' = -r v). Between
-    samples it follows the cubic through the states at either end. For systems, a coordinate or the clearance of a stop
-    is drawn against its rate, with all stops that act on it alone; a stop that moves is drawn where it is farthest, and
-    the line is broken where other rigid stops make it jump. No velocity jumps at a compliant stop: how deep the motion
-    goes is shaded.
+    samples the line is a cubic through the states at both ends. For systems, a coordinate or the clearance of a stop is
+    drawn against its rate, with all stops that act on it alone. A moving stop is drawn at its farthest position, and
+    the line is also broken where impacts on other rigid stops make the rate jump. At a compliant stop no velocity
+    jumps; its penetration is shaded.
 
     Parameters
     ----------
     simulation : xarray.Dataset
-        What `vibroimpact.simulate` returns.
+        The result of `vibroimpact.simulate`.
     coordinate : int, optional
-        For systems, which coordinate is drawn, as in `time_history`.
+        For systems, the coordinate drawn, as in `time_history`.
     stop : str, optional
-        For systems, the stop whose clearance is drawn instead.
+        For systems, the stop whose clearance is drawn instead of a coordinate.
 
     Examples
     --------
@@ -257,7 +257,7 @@ def phase_portrait(
         ax.plot(place, before, **DOTS, color=color, markersize=3, zorder=4, label="" if jumps else text)
     for rests, text, where in motion.rests(simulation):
         name = text + where * ("stick_stop" in simulation)
-        if all(np.ptp(rest[:, 1:], axis=0).any() for rest in rests):  # with a stop that moves
+        if all(np.ptp(rest[:, 1:], axis=0).any() for rest in rests):  # for a moving stop
             draw_sticks(ax, [rest[:, 1:] for rest in rests], name, 5)
         else:
             ax.plot(*rests[0][:1, 1:].T, "s", color=GREEN, markersize=7, markeredgewidth=0, label=name, zorder=5)

@@ -1,4 +1,4 @@
-"""One settled motion: stroboscopic (Poincare) map and impact map."""
+"""Sections of one settled motion: stroboscopic (Poincare) map and impact map."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from vibroimpact.plotting.style import BLUE, DOTS, Floats, on_axes
 from vibroimpact.plotting.views import View, times_of, view_of
 from vibroimpact.plotting.walls import caption_of, color_of
 
-MANY = 200  # more distinct points than this are drawn as an attractor, fewer as separate marks
+MANY = 200  # largest number of distinct points drawn as separate marks; more are drawn as an attractor
 
 
 def distinct_points(points: Floats, tolerance: Floats, wrap: bool = False) -> Floats | None:
-    """Return one point for each place visited, to within `tolerance`; None if there are more than `MANY`.
+    """Return the distinct points, equal within `tolerance`; None if there are more than `MANY`.
 
-    With `wrap` the first coordinate is a phase, so that 0 and 1 are the same place.
+    With `wrap` the first coordinate is a phase, so that 0 and 1 are equal.
     """
     places: list[Floats] = []
     while len(points) and len(places) < MANY:
@@ -34,7 +34,7 @@ def distinct_points(points: Floats, tolerance: Floats, wrap: bool = False) -> Fl
 
 
 def _section(section: xr.Dataset, ax: Axes | None, maker: str, across: str, along: str) -> tuple[Axes, Floats]:
-    """Return labelled axes for a checked section and its points; axes without any say why."""
+    """Return labelled axes for a checked section, and its points; axes without points show the reason."""
     check_result("section", section, maker, {across: along, "velocity": along})
     ax = style.new_axes(ax, (6.2, 5.0), labels.title(section))
     points: Floats = np.column_stack([section[across].values, section["velocity"].values])
@@ -50,7 +50,7 @@ def _section(section: xr.Dataset, ax: Axes | None, maker: str, across: str, alon
 def _draw_points(
     ax: Axes, points: Floats, tolerance: Floats, noun: str, wrap: bool = False, color: str = BLUE, of: str = ""
 ) -> bool:
-    """Draw few places as large marks and an attractor as fine translucent dots; return whether they are few."""
+    """Draw few points as large marks and an attractor as fine translucent dots; return whether there are few."""
     places = distinct_points(points, tolerance, wrap)
     total = counted(len(points), noun) + of
     look = DOTS | {"color": color, "zorder": 3}
@@ -67,23 +67,23 @@ def _draw_points(
 def stroboscopic_map(
     section: xr.Dataset, ax: Axes | None = None, *, coordinate: int | None = None, stop: str | None = None
 ) -> Axes:
-    """Draw the Poincare map: velocity against displacement once per driving period.
+    """Draw the Poincare map: velocity against displacement, once per driving period.
 
     A period-n motion shows n points, a chaotic motion its attractor.
 
     Parameters
     ----------
     section : xarray.Dataset
-        What `vibroimpact.stroboscopic_section` returns.
+        The result of `vibroimpact.stroboscopic_section`.
     coordinate : int, optional
-        For systems, which coordinate is drawn, as in `time_history`.
+        For systems, the coordinate drawn, as in `time_history`.
     stop : str, optional
-        For systems, the stop whose clearance is drawn instead.
+        For systems, the stop whose clearance is drawn instead of a coordinate.
 
     Notes
     -----
-    Samples that agree to 1e-6 of the size of the motion are one point, drawn once and counted in the legend.
-    Around a periodic orbit an axis spans at least a tenth of that size; less would show only rounding.
+    Samples that agree to 1e-6 of the size of the motion are drawn as one point and counted in the legend. For a
+    periodic orbit, an axis spans at least a tenth of that size; a smaller range would show only rounding.
 
     References
     ----------
@@ -105,7 +105,7 @@ def stroboscopic_map(
     ax, points = _section(drawn, ax, "stroboscopic_section", "displacement", "period")
     if not len(points):
         return ax
-    # One size for both axes: an orbit may well pass the section near y = 0 or at y' = 0.
+    # One scale for both axes: an orbit may cross the section near y = 0 or y' = 0.
     model = view.model if view else None
     rate = max(model.omega, model.slowest_frequency) if model else 1.0
     size = style.magnitude(points * [1.0, 1.0 / rate], model.velocity_scale / model.slowest_frequency if model else 1.0)
@@ -122,7 +122,7 @@ def stroboscopic_map(
 
 
 def _draw_stops(ax: Axes, view: View, time: Floats) -> None:
-    """Draw the stops that act on what is shown alone, where they are at that time, each with an entry in the legend."""
+    """Draw the stops that act on this quantity alone, at their positions at that time, with legend entries."""
     low, high = ax.get_xlim()
     for wall in view.walls:
         place = float(view.place(wall, time)[0])
@@ -133,7 +133,7 @@ def _draw_stops(ax: Axes, view: View, time: Floats) -> None:
 
 
 def _stick_phases(section: xr.Dataset, period: float) -> list[tuple[float, float]]:
-    """Return the phases from each stick to its release, cut where the phase wraps."""
+    """Return the phase intervals of all sticks, cut where the phase wraps."""
     spans = np.column_stack([section["stick_time"].values, section["release_time"].values]) / period
     pieces = []
     for start, end in np.unique(spans[np.isfinite(spans).all(axis=1)] % 1.0, axis=0):
@@ -145,18 +145,18 @@ def _stick_phases(section: xr.Dataset, period: float) -> list[tuple[float, float
 def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the impact map: the velocity of each impact against its phase in the driving period.
 
-    An impact-p motion shows p points; a complete chatter a sequence that runs down to the green bar of
-    the stick, from coming to rest at the stop until the release. Impacts of a system are coloured by stop.
+    An impact-p motion shows p points. A complete chatter shows a sequence that descends to a green bar, which marks the
+    stick, from coming to rest at the stop to the release. Impacts of a system are coloured by stop.
 
     Parameters
     ----------
     section : xarray.Dataset
-        What `vibroimpact.impact_section` returns.
+        The result of `vibroimpact.impact_section`.
 
     Notes
     -----
-    Phases run over the whole period and velocities from zero, so that maps compare at a glance. Impacts that
-    agree to 1e-6 (of the period, of the largest velocity) are one point, counted in the legend.
+    The axes cover the whole period and velocities from zero, so that maps can be compared. Impacts that agree to 1e-6
+    (of the period and of the largest velocity) are drawn as one point and counted in the legend.
 
     References
     ----------

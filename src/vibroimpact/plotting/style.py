@@ -1,4 +1,4 @@
-"""One look for every figure: colours, labels with symbol and unit, titles, limits, the stop, legends."""
+"""The common style of all figures: colours, labels with symbol and unit, titles, limits, the stop, legends."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from vibroimpact.status import Status
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Layer = tuple[Mask, str, str]  # cells, their colour, their legend entry
+Layer = tuple[Mask, str, str]  # mask of cells, colour, legend entry
 
-# Okabe and Ito's palette: the hues differ for colour-blind readers and in print.
+# Okabe and Ito's palette: its hues can be distinguished by colour-blind readers and in print.
 BLUE, RED, GREEN, INK, WALL = "#0072b2", "#d55e00", "#009e73", "#222222", "#b8b8b8"
-STICKING = "#f0e442"  # in every map that shows where the mass comes to rest at the stop
+STICKING = "#f0e442"  # colour of sticking in all maps
 
-# Of the boundaries of motions by kind, in every map and diagram: the line, and a halo that makes it show on any colour.
+# Boundaries of motions by kind, in all maps and diagrams: the line, and a halo that makes it visible on any colour.
 BOUNDARY_COLORS: dict[str, tuple[str, str]] = {
     "fold": ("#000000", "#ffffff"),
     "period_doubling": ("#ff5d8f", INK),
@@ -52,11 +52,11 @@ STATUS_COLORS: dict[Status, str] = {
     Status.INVALID_RESTITUTION: "#8a2f6b",
 }
 
-GOLDEN = 0.6180339887  # of a turn: hues that far apart fill the circle evenly, however many there are
+GOLDEN = 0.6180339887  # of a turn: successive hues at this distance fill the circle evenly for any number of them
 
 
 def color_at(palette: Sequence[str], at: int) -> str:
-    """Return the colour number `at` of a palette, and beyond its end one that is not in it."""
+    """Return colour number `at` of a palette; beyond its end, a further colour that is not in it."""
     if at < len(palette):
         return palette[at]
     further = at - len(palette)
@@ -85,7 +85,7 @@ STYLE: Any = {
 
 DOTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgewidth": 0}
 RINGS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "white"}
-# Behind a rigid stop, and behind a compliant one, where motions go; the line where contact begins.
+# Fills behind a rigid stop and behind a compliant stop, which motions enter; line where contact begins.
 BEHIND: dict[bool, dict[str, Any]] = {
     False: {"facecolor": "#ededed", "edgecolor": "#c4c4c4", "hatch": "////", "linewidth": 0.0},
     True: {"facecolor": "#f7f7f7", "edgecolor": "#e2e2e2", "hatch": "//", "linewidth": 0.0},
@@ -94,12 +94,12 @@ FACE: dict[bool, dict[str, Any]] = {
     False: {"color": "#555555", "linewidth": 1.2},
     True: {"color": "#8a8a8a", "linewidth": 1.0, "linestyle": (0, (4, 2))},
 }
-LETTERS = 15.0  # of a legend, per inch of the figure
+LETTERS = 15.0  # characters of a legend per inch of the figure
 LEGEND_LINE = 0.17  # inches per line of a legend
-PACKAGE_FIGURES: WeakSet[Figure] = WeakSet()  # figures that the package made
+PACKAGE_FIGURES: WeakSet[Figure] = WeakSet()  # figures created by the package
 SAMPLE_DIMS = ("impact", "period")
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 8.5, "borderaxespad": 0.0}
-BESIDE = "beside"  # marks a legend that leaves the room below the axes free
+BESIDE = "beside"  # marks a legend that is not below the axes
 
 
 # Axes and their limits
@@ -123,21 +123,21 @@ ValueError
 
 
 def on_axes(draw: Draw) -> Draw:
-    """Add to the docstring of a figure's function what is the same for all: its last parameter, returns, raises."""
+    """Add the common sections to the docstring of a figure function: last parameter, returns, raises."""
     text = inspect.cleandoc(draw.__doc__ or "")
     draw.__doc__ = re.sub(r"\n\n(?=(Notes|References|Examples)\n)", ON_AXES, text, count=1)
     return draw
 
 
 def load_back_end() -> None:
-    """Have pyplot load its back end: a notebook's turns interactive mode on, which a context would undo."""
+    """Load the back end of pyplot: in a notebook it turns on interactive mode, which an rc context would undo."""
     import matplotlib.pyplot as plt
 
     plt.draw_if_interactive()  # type: ignore[no-untyped-call]
 
 
 def new_axes(ax: Axes | None, size: tuple[float, float], title: str = "", projection: str | None = None) -> Axes:
-    """Return `ax`, or the axes of a new pyplot figure in the package's style; global settings do not change."""
+    """Return `ax`, or the axes of a new pyplot figure in the package's style; global settings are not changed."""
     if isinstance(ax, Axes):
         return ax
     if ax is not None:
@@ -154,7 +154,7 @@ def new_axes(ax: Axes | None, size: tuple[float, float], title: str = "", projec
 
 
 def panel_below(ax: Axes, inches: float) -> Axes:
-    """Return axes of that height under those of a figure of the package's own, over the same x."""
+    """Return new axes of the given height below those of a figure created by the package, with the same x axis."""
     figure: Any = ax.get_figure(root=True)
     width, height = figure.get_size_inches()
     figure.set_size_inches(width, height + inches)
@@ -167,7 +167,7 @@ def panel_below(ax: Axes, inches: float) -> Axes:
 
 
 def broken(title: str, room: float) -> str:
-    """Return a title in two lines if it has more characters than fit into one."""
+    """Return a title, broken into two lines if it does not fit into one."""
     if letters(title) <= room:
         return title
     parts = title.split(",  ")
@@ -176,15 +176,15 @@ def broken(title: str, room: float) -> str:
 
 
 def magnitude(values: Floats, scale: float) -> float:
-    """Return the largest magnitude of the values, or `scale` if they are mere rounding compared with it."""
+    """Return the largest magnitude of the values, or `scale` if they are rounding errors compared with it."""
     largest = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
     return largest if largest > 1e-10 * scale else scale or 1.0
 
 
 def view(values: Floats, size: float, least: float = 1e-6) -> tuple[float, float]:
-    """Return axis limits around the finite values; a range below `least` of the motion's size is widened to a tenth.
+    """Return axis limits around the finite values; ranges below `least` of the motion's size are widened to a tenth.
 
-    A settled orbit repeats to rounding; limits drawn tightly around it would show the rounding.
+    A settled orbit repeats to rounding; tight limits would show the rounding errors.
     """
     finite = values[np.isfinite(values)]
     if finite.size == 0:
@@ -197,7 +197,7 @@ def view(values: Floats, size: float, least: float = 1e-6) -> tuple[float, float
 
 
 def draw_stop(ax: Axes, gap: float, beyond: float, *, upright: bool, label: str = "", compliant: bool = False) -> None:
-    """Shade the room behind the stop, from the gap to the axis limit `beyond`; a legend explains it by its label."""
+    """Shade the region behind the stop, from the gap to the axis limit `beyond`; its label appears in the legend."""
     span, line = (ax.axvspan, ax.axvline) if upright else (ax.axhspan, ax.axhline)
     span(gap, beyond, **BEHIND[compliant], zorder=1.5, label=label)
     line(gap, **FACE[compliant], zorder=1.6)
@@ -207,7 +207,7 @@ def draw_stop(ax: Axes, gap: float, beyond: float, *, upright: bool, label: str 
 
 
 def _legible(handle: Any) -> Any:
-    """Return a stand-in for fine dots that can be seen in a legend; other handles as they are."""
+    """Return a visible legend handle for fine dots; other handles are returned unchanged."""
     if not isinstance(handle, Line2D) or handle.get_linestyle() != "None" or handle.get_markersize() >= 4:
         return handle
     return Line2D([], [], **DOTS, markersize=4, color=handle.get_color(), label=str(handle.get_label()))
@@ -218,7 +218,7 @@ def _room(ax: Axes) -> float:
     figure: Any = ax.get_figure(root=True)
     spec = ax.get_subplotspec()
     abreast = spec.get_topmost_subplotspec().get_gridspec().ncols if spec else 1
-    beside = any(mesh.colorbar for mesh in ax.collections)  # then the axes lie left of the middle
+    beside = any(mesh.colorbar for mesh in ax.collections)  # the axes are then left of the centre
     return float((0.85 if beside else 1.0) * LETTERS * figure.get_size_inches()[0] / abreast)
 
 
@@ -232,9 +232,9 @@ def _columns(texts: Sequence[str], room: float) -> int:
 
 
 def legend_below(ax: Axes, handles: Sequence[Any] | None = None) -> None:
-    """Put the legend under the axis label, in as many columns as fit, where it hides no data.
+    """Place the legend below the axis label, in as many columns as fit, where it hides no data.
 
-    A figure of the package's own becomes higher by its lines, so that the axes keep their height.
+    The height of a figure created by the package is increased, so that the axes keep their height.
     """
     handles = ax.get_legend_handles_labels()[0] if handles is None else handles
     if not handles:
@@ -269,7 +269,7 @@ def legend_lines(ax: Axes) -> int:
 
 
 def legend_beside(ax: Axes, handles: Sequence[Any], heading: str) -> None:
-    """Put the legend to the right of the axes, where it hides no data."""
+    """Place the legend to the right of the axes, where it hides no data."""
     legend = ax.legend(
         handles=handles,
         title=heading,
@@ -286,7 +286,7 @@ def legend_beside(ax: Axes, handles: Sequence[Any], heading: str) -> None:
 
 
 def legend_added(ax: Axes, handles: Sequence[Any]) -> None:
-    """Put entries below the axes, after those of a legend that is there already."""
+    """Place entries below the axes, after those of an existing legend."""
     before = ax.get_legend()
     if not handles:
         return
@@ -297,16 +297,16 @@ def legend_added(ax: Axes, handles: Sequence[Any]) -> None:
         legend_below(ax, [*(before.legend_handles if before else []), *handles])
 
 
-# Where there is nothing to draw, and why
+# Missing values and their reasons
 
 
 def outcome(status: Status) -> str:
-    """Return the words on how a motion ended and what that means."""
+    """Return the status of a motion as text, with its meaning."""
     return f"{status.word.replace('_', ' ')}: {status.sentence.split(';')[0]}"
 
 
 def origin(dataset: xr.Dataset) -> str:
-    """Return from where the motions of a map started, if it is worth a word: ' from rest'."""
+    """Return the initial condition of a map's motions as text such as ' from rest', or ''."""
     if "origin" in dataset.attrs:
         return str(dataset.attrs["origin"])
     arguments = json.loads(dataset.attrs.get("arguments", "{}"))
@@ -316,7 +316,7 @@ def origin(dataset: xr.Dataset) -> str:
 
 
 def by_status(missing: Mask, codes: NDArray[np.integer[Any]], noun: str, origin: str = "") -> Iterator[Layer]:
-    """Yield for each status where it leaves something without a value, its colour, and its legend entry."""
+    """Yield, for each status that leaves values missing, the mask of its cells, its colour and its legend entry."""
     for status in Status:
         mask = missing & (codes == status)
         if count := int(mask.sum()):
@@ -329,7 +329,7 @@ def by_status(missing: Mask, codes: NDArray[np.integer[Any]], noun: str, origin:
 
 
 def mark_missing(ax: Axes, positions: Floats, layers: Iterable[Layer]) -> None:
-    """Mark along the bottom axis where there is nothing to draw, one colour per reason."""
+    """Mark missing values along the bottom axis, one colour per reason."""
     look: dict[str, Any] = DOTS | {"marker": "s", "markersize": 4.0, "zorder": 4, "transform": ax.get_xaxis_transform()}
     for mask, color, text in layers:
         edge = {"markeredgewidth": 0.5, "markeredgecolor": WALL} if color == "#ffffff" else {}

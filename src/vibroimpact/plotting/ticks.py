@@ -1,4 +1,4 @@
-"""Units with a prefix and tick labels that fit: an axis of small numbers shows [mm], not ticks such as 0.0002."""
+"""Units with prefixes, and tick labels that fit: an axis of small numbers shows [mm], not ticks such as 0.0002."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 3: "k", 6: "M", 9: "G", 12: "T"}
 PREFIXED = re.compile(r"(m|s|N|J|Hz|g)(?=$|[ /])(.*)")  # units that take a prefix, to the first power
-PLAIN = (0.01, 1e5)  # the largest value of an axis that needs no prefix
-WIDE, HIGH = 0.66, 1.5  # of a tick label's character and of its line, per size of the letters
+PLAIN = (0.01, 1e5)  # largest value shown without a prefix
+WIDE, HIGH = 0.66, 1.5  # width of a character and height of a line, relative to the font size
 
 
 def power_of(values: Any) -> int:
-    """Return the power of ten, a multiple of three, in which values are shown.
+    """Return the power of ten, a multiple of three, in whose units values are shown.
 
     Examples
     --------
@@ -49,7 +49,7 @@ def prefixed(units: str, power: int) -> str | None:
 
 
 def quantity(value: float, units: str, digits: int = 5) -> str:
-    """Return a value with its unit, as 0.5 mm for 0.0005 m; nothing stands after a pure number.
+    """Return a value with its unit, such as 0.5 mm for 0.0005 m; pure numbers have no unit.
 
     Examples
     --------
@@ -64,7 +64,7 @@ def quantity(value: float, units: str, digits: int = 5) -> str:
 
 
 def unit_label(units: str, power: int) -> str:
-    """Return a unit times a power of ten as an axis shows it, in brackets; nothing for pure numbers."""
+    """Return the label of a unit times a power of ten, in brackets; empty for pure numbers."""
     unit = prefixed(units, power)
     if unit is None:
         unit = f"$10^{{{power}}}$" + ("" if units in ("", "1") else f" {units}")
@@ -72,7 +72,7 @@ def unit_label(units: str, power: int) -> str:
 
 
 class Scaled(ScalarFormatter):
-    """Numbers in units of a power of ten, which the axis label shows: no factor and no offset stand aside."""
+    """Formatter of numbers in units of a power of ten, which the axis label includes; no separate factor or offset."""
 
     def __init__(self, power: int) -> None:
         super().__init__(useOffset=False)
@@ -82,19 +82,19 @@ class Scaled(ScalarFormatter):
             self.set_scientific(False)
 
     def get_offset(self) -> str:
-        """Return nothing, whatever the power."""
+        """Return an empty string: the axis label includes the power."""
         return ""
 
 
 class Fitting(MaxNLocator):
-    """Ticks at round numbers, as many as their labels leave room for."""
+    """Locator of ticks at round numbers, as many as fit without overlapping labels."""
 
     def __init__(self, whole: bool = False) -> None:
         super().__init__(nbins="auto", steps=[1, 2, 2.5, 5, 10], integer=whole)
         self._whole = whole
 
     def __call__(self) -> Sequence[float]:
-        """Return the places of the ticks."""
+        """Return the positions of the ticks."""
         low, high = sorted(self.axis.get_view_interval())  # type: ignore[union-attr]
         ticks = super().__call__()
         for most in range(len(ticks) - 1, 0, -1):
@@ -104,7 +104,7 @@ class Fitting(MaxNLocator):
         return ticks
 
     def _fits(self, ticks: Any, low: float, high: float) -> bool:
-        """Return whether no label of the ticks within the view meets its neighbour's."""
+        """Return whether the labels of the visible ticks do not overlap."""
         axis: Any = self.axis
         shown = ticks[(ticks >= low) & (ticks <= high)]
         if len(shown) < 2:
@@ -117,7 +117,7 @@ class Fitting(MaxNLocator):
 
 
 def scale_axis(axis: Axis, data: xr.DataArray, power: int) -> None:
-    """Give an axis ticks in units of a power of ten, at whole numbers for counts; a logarithmic one keeps its own."""
+    """Set ticks in units of a power of ten, at whole numbers for counts; a logarithmic axis keeps its own ticks."""
     if axis.get_scale() == "linear":
         axis.set_major_formatter(Scaled(power))
         axis.set_major_locator(Fitting(data.dtype.kind in "iu"))

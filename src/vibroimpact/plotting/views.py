@@ -1,4 +1,4 @@
-"""What is drawn of a motion: a coordinate or the clearance of a stop, with the walls of the stops that act on it."""
+"""Views of a motion: a coordinate or the clearance of a stop, with the stops that act on it as walls."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from vibroimpact.parameters import choice, invalid, whole_number
 from vibroimpact.plotting import labels
 from vibroimpact.plotting.style import Floats, Mask
 
-SMOOTH = 200  # places of a moving stop per driving period, as of a motion by default
-PARALLEL = 1e-9  # of the size of a direction: what rounding may add to one that is a multiple of another
+SMOOTH = 200  # positions of a moving stop per driving period, as many as samples of a motion by default
+PARALLEL = 1e-9  # relative tolerance for a direction that is a multiple of another
 
 
 @dataclass(frozen=True)
 class Wall:
-    """A stop that acts on what is drawn alone: y <= wall where `ratio` > 0, else y >= wall."""
+    """A stop that acts on the quantity drawn alone: y <= wall if `ratio` > 0, else y >= wall."""
 
     stop: Stop
     number: int
-    ratio: float  # of its direction to the form drawn
+    ratio: float  # ratio of its direction to the form drawn
 
     @property
     def name(self) -> str:
@@ -41,24 +41,24 @@ class Wall:
 
     @property
     def side(self) -> int:
-        """Where the wall is: 1 above y, -1 below."""
+        """Side of the wall: 1 above y, -1 below."""
         return 1 if self.ratio > 0.0 else -1
 
 
 @dataclass(frozen=True)
 class View:
-    """One number of a motion over time: y = form . q, or the clearance u of a stop, with its rate.
+    """The quantity of a motion that is drawn: y = form . q, or the clearance u of a stop, with its rate.
 
     Parameters
     ----------
     model : ImpactOscillator or ImpactSystem
-        What moves.
+        The model in motion.
     form : (n,) array
         The weights of the coordinates.
     name, symbol : str
-        What y is called.
+        Name and symbol of y.
     stop : int, optional
-        The number of the stop whose clearance y is.
+        The number of the stop if y is a clearance.
     """
 
     model: Any
@@ -83,14 +83,14 @@ class View:
         return y if self.stop is None else y + self._stop_place(self.stop, time, rate=rate)
 
     def _stop_place(self, number: int, time: Floats, *, rate: bool = False) -> Floats:
-        """Return where a stop is along its direction, or its velocity."""
+        """Return the position of a stop along its direction, or its velocity."""
         stop, omega = self.model.stops[number], self.model.omega
         mean, motion = (0.0, stop.speed(omega * time, omega)) if rate else (stop.gap, stop.shift(omega * time))
         place: Floats = np.full_like(time, mean) + motion
         return place
 
     def place(self, wall: Wall, time: Floats, *, rate: bool = False) -> Floats:
-        """Return the place of a wall, or its velocity."""
+        """Return the position of a wall, or its velocity."""
         if wall.number == self.stop:
             return np.zeros_like(time)
         offset = 0.0 if self.stop is None else self._stop_place(self.stop, time, rate=rate)
@@ -104,22 +104,22 @@ class View:
         )
 
     def rest(self, wall: Wall, start: float, end: float) -> Floats:
-        """Return time, y and y' while a wall is closed; of one that moves at so many times that it draws no polygon."""
+        """Return time, y and y' while a wall is closed, with enough points to draw a moving wall smoothly."""
         number = 2 + math.ceil((end - start) / self.model.period * SMOOTH) * self.moves(wall)
         time = np.linspace(start, end, number)
         return np.column_stack([time, self.place(wall, time), self.place(wall, time, rate=True)])
 
     def sides(self, wall: Wall, time: Floats, speed: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return y and its rates before and after impacts on a wall; where a compliant one is touched no rate jumps."""
+        """Return y and its rates before and after impacts on a wall; on a compliant wall the rate does not jump."""
         moves, closing = self.place(wall, time, rate=True), speed / wall.ratio
         return self.place(wall, time), moves + closing, moves - wall.stop.rebound(speed) * closing
 
     def impacts(self, simulation: xr.Dataset) -> tuple[Floats, Floats, Floats]:
-        """Return y and its rates before and after each impact, whichever stop is struck.
+        """Return y and its rates before and after each impact on any stop.
 
-        Of a stop that acts on y alone they are the wall's and those of the law of restitution. At any other y' jumps by
-        -form . M^-1 d p, with p the impulse along d; without these jumps y is smooth, and the cubic through the samples
-        leads to the impact.
+        At a stop that acts on y alone they follow from the wall and the law of restitution. At any other stop y' jumps
+        by -form . M^-1 d p, with p the impulse along d; without these jumps y is smooth and is interpolated by the
+        cubic through the samples.
         """
         time, speed = simulation["impact_time"].values, simulation["impact_velocity"].values
         struck = list(self.struck(simulation))
@@ -132,7 +132,7 @@ class View:
         return sides[0], sides[1], sides[2]
 
     def struck(self, simulation: xr.Dataset) -> Iterator[tuple[Wall, Mask]]:
-        """Yield each wall that is struck, and at which impacts."""
+        """Yield each wall that is struck, with the mask of its impacts."""
         names = stops_of(simulation, "impact", self.model)
         for wall in self.walls:
             at: Mask = names == wall.name
@@ -140,7 +140,7 @@ class View:
                 yield wall, at
 
     def _jumps(self, simulation: xr.Dataset) -> Floats:
-        """Return by how much y' jumps at each impact."""
+        """Return the jump of y' at each impact."""
         struck, jumps = simulation["impact_stop"].values, np.zeros(simulation.sizes["impact"])
         for stop in (stop for stop in self.model.stops if not stop.compliant):
             at, per_impulse = struck == stop.name, self.form @ np.linalg.solve(self.model.mass, stop.direction)
@@ -148,7 +148,7 @@ class View:
         return jumps
 
     def _through(self, simulation: xr.Dataset, at: Floats, jumps: Floats) -> Floats:
-        """Return y and its rates before and after each jump, from the samples around it."""
+        """Return y and its rates before and after each jump, interpolated from the samples around it."""
         time = simulation["time"].values
         y = self.values(time, simulation["displacement"].values)
         rate = self.values(time, simulation["velocity"].values, rate=True)
@@ -165,7 +165,7 @@ class View:
         ])  # fmt: skip
 
     def labelled(self, dataset: xr.Dataset, *, rate: bool = False) -> xr.DataArray:
-        """Return y, or its rate, over the time or the periods of a result, with name, unit and symbol."""
+        """Return y, or its rate, over the times or periods of a result, with name, unit and symbol."""
         source = dataset["velocity" if rate else "displacement"]
         attrs = dict(source.attrs)
         if self.stop is not None or len(self.form) > 1:
@@ -176,9 +176,9 @@ class View:
 
 
 def view_of(dataset: xr.Dataset, coordinate: int | None, stop: str | None) -> View | None:
-    """Return the view of a result; None where it does not hold its model.
+    """Return the view of a result; None if the result has no model.
 
-    Unless chosen it is coordinate 0, or, where no stop acts on that alone, the clearance of the first stop.
+    The default is coordinate 0 or, if no stop acts on it alone, the clearance of the first stop.
     """
     model = labels.selected_model(dataset)
     if stop is not None and coordinate is not None:
@@ -200,33 +200,33 @@ def _clearance(model: Any, number: int) -> View:
 
 
 def view_of_page(model: Any, coordinate: int = 0, stop: int = 0) -> View:
-    """Return what pages show: a coordinate, or the displacement towards a stop, both counted from 1; 0 is the first."""
+    """Return the view of an explorer page: a coordinate or the displacement towards a stop, from 1; 0: default."""
     if coordinate or not model.stops:
         form, name = np.eye(model.coordinates)[max(coordinate, 1) - 1], f"coordinate {max(coordinate, 1)}"
     else:
         number = max(stop, 1) - 1
         form, name = model.stops[number].direction, f"y at {model.stop_names[number]}"
-    if len(model.stops) == 1 and form.tolist() == [1.0]:  # there is nothing else to show
+    if len(model.stops) == 1 and form.tolist() == [1.0]:  # there is no other quantity to show
         name = "displacement y"
     return View(model, form, name)
 
 
 def stops_of(result: Mapping[Any, Any], event: str, model: Any) -> Any:
-    """Return the names of the stops of each event of a result, "impact" or "stick"; one stop need not be named."""
+    """Return the name of the stop at each "impact" or "stick" of a result; results for one stop do not list it."""
     if f"{event}_stop" in result:
         return np.asarray(result[f"{event}_stop"])
     return np.full(len(result.get(f"{event}_time", ())), model.stop_names[0])
 
 
 def times_of(result: xr.Dataset) -> Floats:
-    """Return the times of a result, zeros where it holds none: only what moves needs them."""
+    """Return the times of a result, zeros if it has none: only moving stops need them."""
     return result["time"].values if "time" in result else np.zeros(len(result["displacement"]))
 
 
 def between_impacts(sampled: Floats, times: Floats) -> Mask:
     """Return which samples lie between impacts.
 
-    A sample at an impact holds the state after it, but rounding may put its time before: it adds nothing.
+    A sample at an impact holds the state after it, but rounding may place it before; such samples are left out.
     """
     around = np.concatenate([[-np.inf], times, [np.inf]])
     after = np.searchsorted(times, sampled)

@@ -1,4 +1,4 @@
-"""The walls of a view and the forces of compliant stops, as figures show them."""
+"""Drawing of the walls of a view and of the forces of compliant stops."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.style import INK, RED, Floats
 from vibroimpact.plotting.views import View, Wall
 
-STOPS = (RED, "#e69f00", "#7a3dd8", "#0b7a75", "#7a5230")  # impacts on each, in the order of the model
-FAR = 3.0  # spans of the motion: a wall farther off is only pointed at
-ROOM = 0.12  # of the span: what is seen behind a wall
+STOPS = (RED, "#e69f00", "#7a3dd8", "#0b7a75", "#7a5230")  # of impacts, by stop in the model's order
+FAR = 3.0  # in spans of the motion: an arrow points to a wall that is farther away
+ROOM = 0.12  # of the span: depth drawn behind a wall
 
 
 def color_of(model: Any, name: str) -> str:
@@ -26,15 +26,15 @@ def color_of(model: Any, name: str) -> str:
 
 
 def caption_of(model: Any, name: str) -> str:
-    """Return the name of a stop, with its gap where the model has a parameter for it that needs no name."""
+    """Return the name of a stop, with its gap if the model has the single parameter `gap`."""
     return f"{name}, {labels.parameter_text('gap', model)}" if "gap" in model.parameters else name
 
 
 def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) -> tuple[float, float]:
-    """Draw the stops that act on y alone and return the limits of its axis.
+    """Draw the stops that act on y alone; return the limits of the y axis.
 
-    Over time a moving stop is drawn as it moves; upright, in a portrait, where it comes to be farthest. Arrows point to
-    those too far off. Of a compliant stop, what the motion enters is shaded in its colour.
+    Over time, the motion of a moving stop is drawn; in a portrait (upright), its farthest position. Arrows point to
+    stops outside the limits. The part of a compliant stop that the motion penetrates is shaded in the stop's colour.
     """
     scale = view.model.velocity_scale / view.model.slowest_frequency
     low, high = style.view(y, style.magnitude(y, scale))
@@ -69,7 +69,7 @@ def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) 
         above, room = wall.side > 0, ROOM * (high - low)
         caption = caption_of(view.model, wall.name)
         far_off = "" if caption != wall.name else f" at {outermost:.4g} m"
-        # Turned with its text by a quarter, the downward arrow points right.
+        # Rotated with its text by a quarter turn, the downward arrow points right.
         arrow = r"$\downarrow$" if upright == above else r"$\uparrow$"
         _name(ax, f"{caption}{far_off} {arrow}", high + 0.5 * room if above else low - 0.5 * room, upright=upright)
         low, high = (low, high + room) if above else (low - room, high)
@@ -77,11 +77,11 @@ def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) 
 
 
 def draw_forces(ax: Axes, model: Any, simulation: xr.Dataset) -> None:
-    """Draw the forces of compliant stops over time, each contact before a box of its duration and largest force."""
+    """Draw the forces of compliant stops over time, with a box of the duration and peak force behind each contact."""
     for stop in (stop for stop in model.stops if stop.compliant):
         hits = simulation.isel(impact=np.flatnonzero(simulation["impact_stop"] == stop.name))
         begins, length, peak = (hits[name].values for name in ("impact_time", "contact_time", "peak_force"))
-        # Where contact begins the force jumps from zero to c v.
+        # At the beginning of contact the force jumps from zero to c v.
         touch: Floats = float(stop.damping or 0.0) * hits["impact_velocity"].values
         time = np.concatenate([simulation["time"].values, begins, begins, begins + length])
         force = np.concatenate([simulation["force"].sel(stop=stop.name).values, 0.0 * touch, touch, 0.0 * touch])
@@ -95,7 +95,7 @@ def draw_forces(ax: Axes, model: Any, simulation: xr.Dataset) -> None:
 
 
 def _deepest(wall: Wall, y: Floats, outermost: float) -> float:
-    """Return the depth to which the motion reaches into a compliant stop; of a rigid one its place."""
+    """Return the deepest position of the motion in a compliant stop; the position of a rigid stop."""
     if not wall.compliant:
         return outermost
     reached = np.append(y[np.isfinite(y)], outermost)

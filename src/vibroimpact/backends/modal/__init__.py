@@ -1,1 +1,1 @@
-"""The engine of systems: what is seen of their modes, in lanes."""
+"""The engine of systems: their modal motion, computed in lanes."""

@@ -1,4 +1,4 @@
-"""One system carried over driving periods from any state, with the derivative of where it comes to."""
+"""The flow of one system over driving periods from any state, with its derivative."""
 
 from __future__ import annotations
 
@@ -14,41 +14,40 @@ from vibroimpact.kernels.vectors import LANES
 from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.options import Tolerances
 
-STEPS = 100_000  # per driving period, at most: some tenths of a second
+STEPS = 100_000  # steps per driving period, at most: a few tenths of a second
 
 
 class Carrier:
     """The motion of one cell over given times, through impacts, whole chatter and rests.
 
-    A state is that of the modes: their amplitudes, then their rates over a step of the engine, so that all have one
-    unit.
+    A state holds the modal amplitudes and then their rates times a step of the engine, so that all have one unit.
     """
 
     def __init__(self, cells: SystemCells, tolerances: Tolerances) -> None:
         self.layout = layout_for(cells, False, True)
         self._row = in_steps(cells, tolerances.chatter, self.layout)[0]
         self._shapes, self._step = cells.shapes[0], float(steps_of(cells)[0])
-        self.neutral = cells.block("neutral")[0] > 0.0  # of the state: the place and the drift of a free centre
+        self.neutral = cells.block("neutral")[0] > 0.0  # components of the state: position and drift of a free centre
 
     def state(self, displacement: Floats, velocity: Floats) -> Floats:
-        """Return the state of coordinates and their rates."""
+        """Return the state for given coordinates and rates."""
         eta, rate = np.linalg.solve(self._shapes, np.column_stack([displacement, velocity])).T
         return np.append(eta, rate * self._step)
 
     def coordinates(self, x: Floats) -> tuple[Floats, Floats]:
-        """Return the coordinates and their rates of a state."""
+        """Return the coordinates and rates of a state."""
         eta, rate = x.reshape(2, -1)
         return self._shapes @ eta, self._shapes @ rate / self._step
 
     def over(self, x: Floats, phase: float, periods: float) -> tuple[Floats, Floats]:
-        """Return the state so many driving periods after one at a phase, and its derivative by that.
+        """Return the state so many driving periods after a state at a phase, and its derivative by that state.
 
-        Where a stop is closed at the beginning the derivative is that within what it leaves free.
+        If a stop is closed at the beginning, the derivative is restricted to the directions that it leaves free.
 
         Raises
         ------
         ValueError
-            It takes too many steps, or a law of restitution gives no number.
+            The motion takes too many steps, or a law of restitution does not return a number.
         """
         k, size = self.layout, len(x)
         row, angle, derivative = self._row.copy(), 2.0 * np.pi * phase, np.empty((size, size))

@@ -1,4 +1,4 @@
-"""What the engine of systems knows of leaps: the flows of the modes, and bounds that certify them."""
+"""Preparation of leaps for the engine of systems: modal flows, and bounds that certify them."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from vibroimpact.backends.base import Floats
 from vibroimpact.kernels.systems.layout import Layout
 from vibroimpact.kernels.systems.leap import FAR, HALF, WHOLE, WITHIN
 
-_TERMS = 30  # of a series over a leap: 2^31/31! is below rounding
-_AT_ONCE = 512  # cells: their series are kept term by term
-SLOW = 0.5  # how far a far leap may bend a mode that is slow, as a part of what it then is
-SAFE = 1.001  # above the speed from which on a leap within a contact is certified: far above rounding
+_TERMS = 30  # terms of a series over a leap: 2^31/31! is below rounding
+_AT_ONCE = 512  # cells per block: their series are kept term by term
+SLOW = 0.5  # largest change of a slow mode's curve over a far leap, relative to its value
+SAFE = 1.001  # margin on the least speed of certified leaps within a contact: far above rounding
 
 
 def prepare_leaps(k: Layout, table: Floats) -> None:
-    """Leave, in the rows of cells, the flows of leaps and bounds of what the clearances do on the way."""
+    """Write the flows of leaps and the bounds of the clearances during leaps into the rows of cells."""
     for first in range(0, len(table), _AT_ONCE):
         _prepare(k, table[first : first + _AT_ONCE])
         _set_barriers(k, table[first : first + _AT_ONCE])
@@ -58,12 +58,12 @@ def _set_barriers(k: Layout, table: Floats) -> None:
 
 
 def _block(table: Floats, first: int, *shape: int) -> Floats:
-    """Return a view of numbers of every cell."""
+    """Return a view of a block of numbers of every cell."""
     return table[:, first : first + math.prod(shape)].reshape(len(table), *shape)
 
 
 def _prepare(k: Layout, table: Floats) -> None:
-    """Leave the flows of leaps in flight, and bounds: the head of `kernels.systems.leap` has the law."""
+    """Write the flows and bounds of leaps in flight; the docstring of `kernels.systems.leap` gives the theory."""
     n, s, m = k.modes, k.stops, k.harmonics
     square, load, alpha = _block(table, k.square, n), _block(table, k.load, n), _block(table, k.alpha, s, n)
     force, motion = _block(table, k.force, n, m, 2), _block(table, k.motion, s, m, 2)
@@ -94,9 +94,9 @@ def _prepare(k: Layout, table: Floats) -> None:
 
 
 def slow_modes(square: Floats, damping: Floats, theta: Floats) -> NDArray[np.bool_]:
-    """Return which modes are slow over a far leap; none of a cell to which far leaps are no use.
+    """Return which modes are slow over a far leap; none in cells for which far leaps are useless.
 
-    Periods are counted by the sign of sin wt: a leap must not be half of one.
+    Periods are counted from the sign of sin wt, so a leap must be shorter than half a period.
     """
     diagonal = np.einsum("cjj->cj", damping)
     slow = FAR**2 / 8.0 * square + 0.5 * FAR * diagonal < SLOW
@@ -109,10 +109,10 @@ def slow_modes(square: Floats, damping: Floats, theta: Floats) -> NDArray[np.boo
 def _reach(
     square: Floats, damping: Floats, load: Floats, force: Floats, alpha: Floats, theta: Floats, slow: NDArray[np.bool_]
 ) -> Floats:
-    """Return the most that fast modes move each stop's clearance: a constant, and the parts of |eta| and |eta'|."""
+    """Return bounds of the change of each clearance by fast modes: a constant, and factors of |eta| and |eta'|."""
     stiff, turning = np.where(slow | (square <= 0.0), 1.0, square), theta * np.arange(1, force.shape[2] + 1)
     parts = np.abs(alpha) * ~slow[:, None]
-    with np.errstate(divide="ignore", invalid="ignore"):  # resonance without damping: no bound, or none is defined
+    with np.errstate(divide="ignore", invalid="ignore"):  # resonance without damping: there is no bound
         answer = 1.0 / np.abs(stiff[..., None] - turning[:, None] ** 2 + 1j * turning[:, None] * damping[..., None])
         swing = answer * np.hypot(force[..., 0], force[..., 1])
         rate = (turning[:, None] * swing).sum(axis=-1) / np.sqrt(stiff)
@@ -125,7 +125,7 @@ def _reach(
 def _lift(
     square: Floats, load: Floats, force: Floats, motion: Floats, alpha: Floats, theta: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the acceleration of the clearances by all but damping, and the amplitude of its second derivative."""
+    """Return the acceleration of the clearances without damping, and the amplitude of its second derivative."""
     number, n, m = force.shape[:3]
     squared = (theta * np.arange(1, m + 1))[:, None] ** 2
     turning = -squared[..., None] * motion - (alpha @ force.reshape(number, n, 2 * m)).reshape(motion.shape)
@@ -136,7 +136,7 @@ def _lift(
 def _bounds(
     square: Floats, damping: Floats, weight: Floats, alpha: Floats, loads: Floats, swings: Floats, length: float
 ) -> Floats:
-    """Return the amount by which max(w0, w1) has to be raised: a constant, and the parts of m and of |eta1 - eta0|."""
+    """Return the amount by which max(w0, w1) must be raised: a constant, and factors of m and |eta1 - eta0|."""
     size, coupling, ease = np.abs(damping), np.abs(alpha @ damping), 1.0 / np.sqrt(weight)[..., None]
     swing = length**2 / 8.0 * square[:, None]
     growth = 0.5 * length * size + swing * np.eye(square.shape[1])
@@ -149,9 +149,9 @@ def _bounds(
 
 
 def _flow(square: Floats, damping: Floats, load: Floats, force: Floats, theta: Floats, length: Any) -> Floats:
-    """Return the flow of every mode over a length, and sine and cosine of what the force turns.
+    """Return the flow of every mode over a length, and sine and cosine of the force's phase change.
 
-    `damping` is that of each mode, (cells, n, 1), or couples them, (cells, n, n).
+    `damping` is modal, (cells, n, 1), or couples the modes, (cells, n, n).
     """
     (number, n), m, width = square.shape, force.shape[2], damping.shape[2]
     unit, still = np.broadcast_to(np.eye(n) if width > 1 else 1.0, (number, n, width)), np.zeros((number, n, width))
@@ -178,7 +178,7 @@ def _flow(square: Floats, damping: Floats, load: Floats, force: Floats, theta: F
 
 
 def _twice(flow: Floats, n: int, m: int) -> Floats:
-    """Return the flow of modes that no damping couples over twice the length."""
+    """Return the flow of modes without damping coupling over twice the length."""
     number, sine, cosine = len(flow), flow[:, -2:-1], flow[:, -1:]
     modes, angle = flow[:, :-2].reshape(number, n, -1), np.arctan2(sine, cosine) * np.arange(1, m + 1)
     loaded, free, turned = (
@@ -195,7 +195,7 @@ def _twice(flow: Floats, n: int, m: int) -> Floats:
 
 
 def _spread(flow: Floats, n: int) -> Floats:
-    """Return the same flow in the form that it has where damping couples modes: with zeros for the others."""
+    """Return the same flow in the form for modes coupled by damping, with zeros for the coupling."""
     modes = flow[:, :-2].reshape(len(flow), n, -1)
     free = (modes[:, :, None, 2:6] * np.eye(n)[..., None]).reshape(len(flow), n, 4 * n)
     modes = np.concatenate([modes[..., :2], free, modes[..., 6:]], axis=-1)
@@ -203,7 +203,7 @@ def _spread(flow: Floats, n: int) -> Floats:
 
 
 def _prepare_contacts(k: Layout, table: Floats) -> None:
-    """Leave the flows of leaps within contacts of a lone mode, with the speeds from which on they are certified."""
+    """Write the flows of leaps within contacts of a single mode, and the least speeds at which they are certified."""
     square, damping, load, theta = (_block(table, first, 1) for first in (k.square, k.damping, k.load, k.theta))
     force = _block(table, k.force, k.harmonics, 2) @ np.array([1.0, 1j])
     motion = _block(table, k.motion, k.stops, k.harmonics, 2) @ np.array([1.0, 1j])
@@ -236,7 +236,7 @@ def _prepare_contacts(k: Layout, table: Floats) -> None:
 def _over(
     y: Floats, p: Floats, square: Floats, damping: Floats, x: Any, force: Any = 0.0, slope: Any = 0.0, rate: Any = 0.0
 ) -> tuple[Floats, Floats]:
-    """Return amplitude and rate after x steps, by the power series, under a force that turns at a rate."""
+    """Return amplitude and rate after x steps, from the power series, under a harmonic force of the given rate."""
     b = [y, p]
     for _ in range(_TERMS - 1):
         b.append(force - square * b[-2] - (damping * b[-1] if damping.shape[-1] == 1 else damping @ b[-1]))

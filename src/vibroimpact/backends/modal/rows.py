@@ -1,4 +1,4 @@
-"""The rows of numbers that the engine of systems reads, time counted in steps."""
+"""The rows of numbers read by the engine of systems, with time in steps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vibroimpact.model.elements import BLOCKS
 from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.options import Tolerances
 
-# By which power of a step's length a number is multiplied where time is counted in steps.
+# The power of the step's length that converts a number to time in steps.
 _POWERS = {
     "rate": 1,
     "square": 2,
@@ -35,12 +35,12 @@ _RENAMED = {"omega": "theta", "scale": "cut"}
 
 
 def steps_of(cells: SystemCells) -> Floats:
-    """Return the length of a step of every cell in s."""
+    """Return the step length of every cell in s."""
     return REACH / cells.fastest_rate
 
 
 def in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
-    """Return the engine's rows of every cell, time counted in steps, with the cut at that part of V."""
+    """Return the engine's rows of all cells, with time in steps and the cutoff relative to V."""
     step = steps_of(cells)[:, None]
     table = np.zeros((len(cells), layout.constants))
     for name, size in cells.shape.sizes.items():
@@ -59,7 +59,7 @@ def in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
 
 
 def _address_laws(k: Layout, table: Floats) -> None:
-    """Put the addresses of laws of restitution in the place of their marks, and those of their tables."""
+    """Replace the placeholders of restitution laws and their tables by addresses."""
     laws, numbers = (table[:, first : first + k.stops] for first in (k.law, k.restitution))
     for mark in np.unique(laws[laws != 0.0]).tolist():
         law, stops = LAWS[mark], laws == mark
@@ -73,7 +73,7 @@ def _by_stop(cells: SystemCells, name: str) -> Floats:
 
 
 def budgets_of(cells: SystemCells, tolerances: Tolerances, total: float) -> Floats:
-    """Return the step, the longest flight in steps and the steps granted of every cell."""
+    """Return the step, the longest flight in steps and the step limit of every cell."""
     step, slowest = steps_of(cells), cells.slowest_rate
     longest = tolerances.flight_periods * 2.0 * math.pi / (slowest * step)
     granted = tolerances.steps_per_impact * total

@@ -1,4 +1,4 @@
-"""Samples of the motions of systems: followed in lanes, a cell each, and recorded impact by impact."""
+"""Samples of the motions of systems, followed with one cell per lane and recorded impact by impact."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from vibroimpact.kernels.vectors import LANES
 from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.status import Status
 
-_STEPS = 1 << 14  # of all lanes, before Python may be interrupted
-_ROOM = 4096  # rows of a buffer, which is emptied when it is full
+_STEPS = 1 << 14  # steps of all lanes between checks for an interrupt
+_ROOM = 4096  # rows of a buffer, which is emptied when full
 
 
 def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]:
-    """Return the samples that the window takes of each cell."""
+    """Return the samples of each cell in the window."""
     by_cell = dict(_Recorder(cells, measurement).finished())
     return [by_cell[at] for at in range(len(cells))]
 
 
 class _Recorder:
-    """Cells in lanes, and what is recorded of them."""
+    """Cells in lanes, and their records."""
 
     def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
         self._cells, self._window = cells, measurement.window
@@ -58,7 +58,7 @@ class _Recorder:
         self._recorded: list[tuple[list[Floats], list[Floats]]] = [([], []) for _ in range(wide)]
 
     def finished(self) -> Iterator[tuple[int, SystemSamples]]:
-        """Yield the number of each cell, and its samples, as it ends."""
+        """Yield the number and the samples of each cell when it ends."""
         k, owner, ends = self._layout, self._busy.owner, self._busy.ends
         waiting = iter(range(len(self._cells)))
         busy, layout, schedule = InMemory(self._busy), InMemory(k), InMemory(self._schedule)
@@ -83,7 +83,7 @@ class _Recorder:
                 ends[lane] = walk.GOES_ON
 
     def _prepare(self, lane: int, cell: int) -> None:
-        """Begin the record of a lane, at the time at which its cell begins."""
+        """Begin the record of a lane at the initial time of its cell."""
         begins = self._cells.block("time")[cell].tolist()
         if not isinstance(self._window, ImpactWindow):
             self._times[lane] = self._window.schedule(*begins)
@@ -94,7 +94,7 @@ class _Recorder:
         self._recorded[lane] = [], []
 
     def _empty(self, lane: int) -> bool:
-        """Empty a lane's buffers, but for contacts that may still go on; return whether one had to grow."""
+        """Empty a lane's buffers except for unfinished contacts; return whether a buffer had to grow."""
         k, (hits, rested) = self._layout, self._recorded[lane]
         impacts, _, rests, filled = (rows[lane] for rows in self._buffers)
         entries, ended = self._rows[k.entry : k.entry + k.stops, lane], self._busy.ends[lane] != RUNNING
@@ -167,11 +167,11 @@ def _within_impacts(impacts: Floats, rests: Floats, window: ImpactWindow, ended:
 def _within_looks(
     impacts: Floats, rests: Floats, looks: Floats, step: float, ended: Status
 ) -> tuple[Floats, Floats, Status]:
-    """Return the impacts and rests up to the last look, and the status of a full window; a step is so many periods."""
-    last = looks[-1]  # the step that passes it may end at an impact
+    """Return the impacts and rests up to the last sample, and the status of a full window; `step` is in periods."""
+    last = looks[-1]  # the step beyond it may end at an impact
     impacts = impacts[impacts[:, 0] + impacts[:, 1] <= last]
     over = impacts[:, 0] + impacts[:, 1] + impacts[:, 7] * step
-    impacts[np.ix_(over > last, [4, 6, 7, 8, 9])] = math.nan  # of a contact that outlasts the motion
+    impacts[np.ix_(over > last, [4, 6, 7, 8, 9])] = math.nan  # an unfinished contact
     rests = rests[rests[:, 1] + rests[:, 2] <= last]
     rests[rests[:, 3] + rests[:, 4] > last, 3:] = math.nan
     return impacts, rests, looks_status(rests[:, 1:], looks[0], ended == Status.STUCK_FOREVER)

@@ -27,11 +27,11 @@ from vibroimpact.kernels.systems.layout import Layout, layout_of
 from vibroimpact.kernels.vectors import LANES
 from vibroimpact.model.system_cells import SystemCells
 
-_LOOKS = 200  # at lanes, before Python asks whether to stop
+_LOOKS = 200  # steps of lanes between checks for an interrupt
 
 
 def layout_for(cells: SystemCells, *flags: bool) -> Layout:
-    """Return the rows of these cells; flags are those of `layout_of`, from `forceful` to `draining`."""
+    """Return the layout of the rows of cells; flags are those of `layout_of`, from `forceful` to `draining`."""
     shape, step, n = cells.shape, steps_of(cells)[:, None], cells.shape.modes
     damping = (step * cells.block("damping")).reshape(-1, n, n)
     slow = slow_modes(step**2 * cells.block("square"), damping, step * cells.block("omega"))
@@ -54,7 +54,7 @@ def _turns(sine: Floats, cosine: Floats, periods: Floats) -> Floats:
 
 
 def room_for(layout: Layout) -> Room:
-    """Return room to work for one cell."""
+    """Return the workspace of one cell."""
     n, s, parts = layout.modes, max(layout.stops, 1), 1 + 2 * layout.harmonics
     by_axis: list[Any] = [*[(n, n)] * 4, *[n] * 5, *[(parts, n)] * 3, *[(s, n)] * 2, (s, parts), *[n] * 3]
     of_phase = form.Form(*map(np.zeros, [*by_axis, (2 * n, 2 * n + 1)]))
@@ -63,7 +63,7 @@ def room_for(layout: Layout) -> Room:
 
 
 def alone_for(layout: Layout) -> closing.Alone:
-    """Return the room in which a cycle is walked."""
+    """Return the workspace in which a cycle is followed."""
     k, size = layout._replace(thorough=True, wary=False, forceful=False, draining=False), 2 * layout.modes
     lanes, notes, note = aligned(k.rows * LANES), aligned(noted(k) * LANES), np.zeros(noted(k))
     (start, end), matrices, (d, moved) = np.zeros((2, k.rows)), np.zeros((3, size, size)), np.zeros((2, size))
@@ -71,7 +71,7 @@ def alone_for(layout: Layout) -> closing.Alone:
 
 
 class SystemSweep:
-    """Cells that threads share, and what has become of them."""
+    """Cells shared by threads, and their results."""
 
     def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
         window = measurement.impacts
@@ -90,7 +90,7 @@ class SystemSweep:
         self._tickets = np.zeros(1, np.int64)
 
     def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
-        """Step lanes of their own for the calling thread; yield the cells that ended, a batch at a time."""
+        """Step the calling thread's own lanes; yield finished cells in batches."""
         k = self.layout
         memory, notes, owner = aligned(k.rows * LANES), aligned(noted(k) * LANES), np.full(LANES, -1)
         rows, note, ended, busy = np.zeros((LANES, k.rows)), np.zeros(noted(k)), np.empty(4096, np.int64), 1
@@ -104,7 +104,7 @@ class SystemSweep:
                 yield ended[:number].copy()
 
     def _forces(self, notes: Floats, sums: Floats, dissipation: Any, seconds: Any, period: Any) -> dict[str, Any]:
-        """Return the indices of forces and dampers, over seconds and per period."""
+        """Return the indices of forces and dampers, from durations in s and in periods."""
         h = notes[march.H]
         pushed = sums[march.THRUST] / h / seconds
         largest = np.where(self.compliant[:, None], sums[march.PEAK] / h**2, np.nan)
@@ -128,7 +128,7 @@ class SystemSweep:
             if self.layout.thorough:
                 growth, per_impact = _growth(notes, began, ended, self.window)
                 indices["lyapunov"], indices["lyapunov_per_impact"] = growth / period, per_impact
-                # A cycle from which neighbours part faster than in proportion to impacts is passed by.
+                # A cycle is rejected if perturbations grow faster than in proportion to the impacts.
                 stable = ~(per_impact * self.window.keep > math.log(self.window.keep))
                 indices["n_periods"] = np.where(stable, notes[march.PERIODS], 0.0)
                 indices["n_impacts"] = np.where(stable, notes[march.IMPACTS], 0.0)
@@ -156,13 +156,13 @@ class SystemSweep:
             "added": notes[march.ADDED],
         }
         if self.layout.thorough and self.layout.stops:
-            # The reference impact is the first one kept where 2^k - 1 are left out.
+            # The reference impact is the first one kept if 2^k - 1 are skipped.
             first_kept = full & (notes[march.REFERENCE] == self.window.transient + 1.0)
             stop = notes[march.STOP].astype(np.int64)
             columns["first_stop"] = np.where(first_kept, stop, -1)
             columns["first_phase"] = began % 1.0
             columns["first_velocity"] = of_stops[march.FIRST, stop, np.arange(len(ends))] / h
-            bits = 1 << np.arange(self.layout.stops)  # one for each stop
+            bits = 1 << np.arange(self.layout.stops)  # one per stop
             columns["struck"] = (of_stops[march.COUNT] > 0.0).T @ bits
         return columns | {
             "status": statuses(counted, ends, self.window),
@@ -172,9 +172,10 @@ class SystemSweep:
 
 
 def _growth(notes: Floats, began: Floats, ended: Floats, window: ImpactWindow) -> tuple[Floats, Floats]:
-    """Return ln of the growth of neighbours per period and per impact.
+    """Return ln of the growth of perturbations, per period and per impact.
 
-    It is that of the window, of a cycle from the impact on that came back, and of one that is certain its own.
+    It is measured over the window; over a repeating cycle, from the impact that recurred; for a certain cycle, over
+    that cycle.
     """
     first, repeats = window.transient + 1.0, notes[march.PERIODS] > 0.0
     since = _turns(*notes[march.REFERENCE_TIME : march.REFERENCE_TIME + 3])
@@ -189,7 +190,7 @@ def _growth(notes: Floats, began: Floats, ended: Floats, window: ImpactWindow) -
 
 
 def _of_impacts(sums: Floats, first: Floats, span: Floats, h: Floats, by_stop: bool) -> dict[str, Any]:
-    """Return the indices that follow from sums over the impacts of each stop, for each or for all; stops come first."""
+    """Return the indices from sums over the impacts on each stop, per stop or for all; the first axis is the stop."""
 
     def over(values: Any) -> Any:
         return values if by_stop else values.sum(axis=0)

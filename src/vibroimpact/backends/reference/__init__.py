@@ -1,9 +1,9 @@
-"""The `reference` back end: an independent witness in plain NumPy and SciPy, one oscillator at a time.
+"""The `reference` back end: an independent cross-check in plain NumPy and SciPy, one oscillator at a time.
 
-It shares no line with the kernels and no method either: flights are matrix exponentials (`flight`), the
-first contact is found by halving intervals (`motion`). Impact times and velocities agree with 50-digit
-values to 1e-13 of their scales times the growth of errors along the orbit, at about half a millisecond an
-impact. To audit a cell, read `motion.motion`: it is the whole physics on one screen.
+It shares neither code nor methods with the kernels: flights are matrix exponentials (`flight`), and the first contact
+is found by halving intervals (`motion`). Impact times and velocities agree with 50-digit values to 1e-13 of their
+scales times the growth of errors along the orbit. An impact takes about 0.5 ms. To audit a cell, read `motion.motion`,
+which contains all the physics on one page.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from vibroimpact.status import Status
 
 @dataclass
 class Record:
-    """What a window has recorded so far of one cell."""
+    """The record of one cell in a window so far."""
 
     impacts: list[tuple[float, float, float]] = field(default_factory=list)
     sticks: list[tuple[float, float, float, float]] = field(default_factory=list)
@@ -43,13 +43,13 @@ class Record:
     ended: Status = Status.OK
 
     def stick(self, rest: Rest, released: bool) -> None:
-        """Write down a rest on the stop."""
+        """Record a rest at the stop."""
         let_go = (rest.release.periods, rest.release.phase) if rest.release and released else (math.nan, math.nan)
         self.sticks.append((rest.settled.periods, rest.settled.phase, *let_go))
 
 
 class ReferenceCell:
-    """One oscillator from its start, watched until a window is filled or its motion certainly ends."""
+    """One oscillator, followed from its initial condition until a window is full or its motion certainly ends."""
 
     def __init__(self, cell: dict[str, float], tolerances: Tolerances) -> None:
         self.start = State(**{name: cell.pop(name) for name in ("clearance", "velocity", "periods", "phase")})
@@ -66,7 +66,7 @@ class ReferenceCell:
         self.steps_per_impact = tolerances.steps_per_impact * free.fastest / slowest
 
     def indices(self, window: ImpactWindow) -> tuple[Samples, int, dict[str, float]]:
-        """Return the impacts that a window keeps, how many were recorded in all, and the indices."""
+        """Return the impacts that a window keeps, the number recorded in all, and the indices."""
         ledger = Ledger(self.free)
         samples, computed = self.impacts(window, ledger)
         if not Status(samples.status).has_indices:
@@ -75,7 +75,7 @@ class ReferenceCell:
         return samples, computed, impact_indices(samples, self.loss) | account.indices(window.transient)
 
     def impacts(self, window: ImpactWindow, ledger: Ledger | None = None) -> tuple[Samples, int]:
-        """Return the impacts that a window keeps, and how many were recorded in all; a ledger takes down the rest."""
+        """Return the impacts that a window keeps, and the number recorded in all; a ledger records all events."""
         record = Record()
         wanted = window.transient + window.keep
         state, age, weak = self.start, 0.0, False
@@ -91,7 +91,8 @@ class ReferenceCell:
                         record.impacts.append((state.periods, state.phase, event.speed))
                     if record.recorded == wanted:
                         break
-                # Unforced rebounds only get weaker; the second below the cut shows that the stop stays in reach.
+                # Unforced rebounds only become weaker; the second one below the cutoff shows that the stop stays in
+                # reach.
                 elif weak and self.free.drive == 0.0 and self.free.preload >= 0.0:
                     record.ended = Status.DECAYING
                     break
@@ -111,7 +112,7 @@ class ReferenceCell:
 
     def _ending(self, state: State, age: float, record: Record, granted: float) -> Status:
         free = self.free
-        # Without force and gap no later impact is faster than this.
+        # Without force and gap no later impact is faster than this one.
         fastest_left = math.hypot(state.velocity, free.natural * state.clearance)
         if state.clearance > 0.0 and (free.never_again(state) or (self.unforced_at_stop and fastest_left < self.cut)):
             dying = Status.DECAYING if self.unforced_at_stop else Status.STOPPED_IMPACTING
@@ -131,7 +132,7 @@ class ReferenceCell:
                     record.impacts.append((event.after.periods, event.after.phase, event.speed))
                 continue
             if isinstance(event, Rest):
-                # The look that ends the window may come before the release, which it then does not see.
+                # The sample that ends the window may come before the release, which is then not recorded.
                 ahead = self._ahead(event.settled, periods[pending], phase[pending])
                 stays = math.inf if event.release is None else time_between(self.free, event.settled, event.release)
                 record.looks += [(0.0, 0.0)] * int(np.sum(ahead < stays))
@@ -176,7 +177,7 @@ class ReferenceCell:
 
 
 class ReferenceBackend(OneByOne):
-    """The witness behind the back-end protocol."""
+    """The independent cross-check as a back end."""
 
     name = sampler = "reference"
     known_indices = frozenset(INDICES)

@@ -1,4 +1,4 @@
-"""Impacts on several stops, and which of the stops that are touched stay closed, by trying every subset."""
+"""Impacts on several stops, and which touched stops stay closed, by trying every subset."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from vibroimpact.backends.reference.phases import BALANCE, DEPTH, Equations, Floats
 
-CRUSHED = 1e-6  # of the fastest rate: a law violated by more has no solution
+CRUSHED = 1e-6  # relative to the fastest rate: tolerance of the impact law
 
 
 def subsets(stops: list[int]) -> Iterator[tuple[int, ...]]:
@@ -33,12 +33,12 @@ def impact_law(coupling: Floats, restitution: Floats, rates: Floats) -> tuple[Fl
     Returns
     -------
     tuple of array
-        The rates w+ and the impulses P. Energy does not grow by them.
+        The rates w+ and the impulses P. The energy does not increase.
 
     Raises
     ------
     ValueError
-        No velocity leaves these stops: they move towards each other.
+        No velocity separates from these stops: they move towards each other.
 
     Examples
     --------
@@ -47,7 +47,7 @@ def impact_law(coupling: Floats, restitution: Floats, rates: Floats) -> tuple[Fl
     """
     rates = np.asarray(rates, float)
     root = np.sqrt(np.diag(coupling))
-    alike, speeds = coupling / np.outer(root, root), rates / root  # rates and impulses are now roots of energies
+    alike, speeds = coupling / np.outer(root, root), rates / root  # now in roots of energies
     rounding = BALANCE * float(np.abs(speeds).max(initial=0.0))
     best: tuple[float, Floats, Floats] | None = None
     for active in subsets(list(range(len(rates)))):
@@ -69,18 +69,18 @@ def impact_law(coupling: Floats, restitution: Floats, rates: Floats) -> tuple[Fl
             break
     assert best is not None  # the empty set is never singular
     if best[0] > CRUSHED * float(np.abs(speeds).max(initial=0.0)):
-        raise ValueError(f"no velocity leaves stops whose clearances have the rates {rates.tolist()}")
+        raise ValueError(f"no velocity separates from stops whose clearances have the rates {rates.tolist()}")
     return best[1] + 0.0, best[2]
 
 
 def held_closed(
     eq: Equations, x: Floats, touched: list[int], springs: tuple[int, ...]
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the rigid stops that push, and all that stay closed, of those touched with a rate of zero.
+    """Return, of the stops touched with a rate of zero, the rigid ones that push, and all that stay closed.
 
-    Complementarity of forces and accelerations, 0 <= lambda and u'' >= 0; where both vanish their derivatives decide,
-    as they do for the motion a moment later. A stop whose clearance stays zero without a force stays closed, too.
-    `springs` are the compliant stops that push: their forces are given.
+    Forces and accelerations are complementary, lambda >= 0 and u'' >= 0; where both vanish, their derivatives decide. A
+    stop whose clearance stays zero without a force also stays closed. `springs` are the pushing compliant stops, whose
+    forces are given.
     """
     best: tuple[int, tuple[int, ...], tuple[int, ...]] | None = None
     for pushing in subsets(touched):

@@ -1,4 +1,4 @@
-"""What a motion is reported as: its events in order, and its states at any time."""
+"""The report of a motion: its events in order, and its states at any time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Moment:
     rate: Floats
 
     def later(self, turns: float) -> tuple[float, float]:
-        """Return periods and phase so many driving periods later."""
+        """Return periods and phase a number of driving periods later."""
         phase = self.phase + turns
         whole = math.floor(phase)
         return self.periods + whole, phase - whole
@@ -33,23 +33,23 @@ class Moment:
 
 @dataclass(frozen=True)
 class Event:
-    """What happened to one stop, and when.
+    """An event of one stop.
 
     Parameters
     ----------
     kind : "impact", "stick" or "release"
-        The stop is struck, or begins to push; it closes for a while; it opens.
+        The stop is struck, or begins to push; it closes for some time; it opens.
     time, phase : float
         In s, and (t mod T)/T.
     stop : int
         Its index.
     velocity, impulse : float
-        Of an impact: the closing speed just before it in m/s, > 0, and the impulse of this stop in N s.
+        For an impact: the closing speed just before it in m/s, > 0, and the impulse of this stop in N s.
     energy_lost, peak_force, penetration, contact_time : float
-        Of an impact: the energy lost at this stop in J, and of a compliant one the largest force in N, the deepest
-        penetration in m and the duration in s of the contact, so far if it goes on.
+        For an impact: the energy lost at this stop in J and, for a compliant stop, the peak force in N, the penetration
+        in m and the contact time in s, up to the present if the contact is unfinished.
     impulses : tuple of float
-        Of an impact: those of all stops at this instant; a closed stop has one, too.
+        For an impact: the impulses of all stops at this instant; a closed stop has one, too.
     simultaneous : bool
         Whether other stops are struck at the same instant; each has its own event.
     closed : tuple of int
@@ -71,7 +71,7 @@ class Event:
     closed: tuple[int, ...] = ()
 
     def after(self, push: Push) -> Event:
-        """Return the event with what the stop has done since."""
+        """Return the event updated by the later action of the stop."""
         return replace(
             self,
             impulse=self.impulse + push.impulse,
@@ -84,9 +84,9 @@ class Event:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One motion: its events in order, its end, the stops that are closed and that push then, and why it ended.
+    """One motion: its events in order, its final state, the stops that are closed and that push then, and why it ended.
 
-    `ended` is "impacts" (as many as asked for), "time", or "events" (too many too weak to be recorded).
+    `ended` is "impacts" (the requested number is reached), "time", or "events" (too many are too weak to be recorded).
     """
 
     events: tuple[Event, ...]
@@ -98,7 +98,7 @@ class Trajectory:
 
     @property
     def impacts(self) -> tuple[Event, ...]:
-        """The impacts alone."""
+        """The impacts among the events."""
         return tuple(event for event in self.events if event.kind == "impact")
 
     def at(self, times: ArrayLike) -> tuple[Floats, Floats]:

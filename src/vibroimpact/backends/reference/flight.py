@@ -4,8 +4,8 @@ The gap u = g - y and the driving force are one linear system with constant coef
 
     u'' = -(c/m) u' - (k/m) u + k g/m - e,     e'' = -w^2 e,     e = (f/m) sin wt,
 
-so x = (u, u', e, e', k g/m) moves as x(t + tau) = exp(A tau) x(t): one formula at any damping, at resonance and
-beside it. SciPy's matrix exponential evaluates it.
+so x = (u, u', e, e', k g/m) moves as x(t + tau) = exp(A tau) x(t): one formula covers any damping, at resonance and
+near it. SciPy's matrix exponential evaluates it.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from scipy.linalg import expm
 
 Floats = NDArray[np.float64]
 
-STRIDE = 0.25  # radians of the fastest rate between two points of a block
-BLOCK = 64  # intervals of a block
-BALANCE = 4e-15  # of f + k |g|: a net force this small is rounding
+STRIDE = 0.25  # radians of the fastest rate per interval of a block
+BLOCK = 64  # intervals per block
+BALANCE = 4e-15  # relative to f + k |g|: a smaller net force is rounding
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,11 @@ class State:
 
     @property
     def rests_on_stop(self) -> bool:
-        """Whether the mass touches the stop with no velocity."""
+        """Whether the mass touches the stop with zero velocity."""
         return self.clearance == 0.0 and self.velocity == 0.0
 
     def later(self, turns: float) -> State:
-        """Return the same place `turns` driving periods later; whole periods are kept apart from the phase."""
+        """Return the same position and velocity `turns` driving periods later; whole periods are stored separately."""
         phase = self.phase + turns
         whole = math.floor(phase)
         return replace(self, periods=self.periods + whole, phase=phase - whole)
@@ -73,8 +73,8 @@ class FreeMotion:
     def propagators(self, times: Floats | list[float]) -> Floats:
         """Return exp(A tau) for each tau > 0, shape (n, 5, 5).
 
-        In units of the time itself (of 1/fastest for longer ones) every entry is of order 1, so that
-        each is right relative to its own size, however short the flight.
+        In units of tau (of 1/fastest for longer flights) every entry is of order 1, so each has full relative accuracy
+        even for short flights.
         """
         times = np.asarray(times, dtype=float)
         unit = np.minimum(times, 1.0 / self.fastest)
@@ -98,7 +98,7 @@ class FreeMotion:
         return table
 
     def vector(self, state: State) -> Floats:
-        """Return x = (u, u', e, e', k g/m); a mass at rest in balance has acceleration zero by assignment."""
+        """Return x = (u, u', e, e', k g/m); a mass at rest in balance is assigned zero acceleration."""
         sine, cosine = sine_cosine(state.phase)
         force = self.drive * sine
         if state.rests_on_stop and self._balanced(sine):
@@ -121,7 +121,7 @@ class FreeMotion:
         return abs(self.drive * sine - self.preload) <= BALANCE * (self.drive + abs(self.preload))
 
     def push(self, phase: float) -> float:
-        """Return (f sin wt - k g)/m, with which the force presses on the stop; zero in balance."""
+        """Return (f sin wt - k g)/m, the acceleration that presses the mass on the stop; zero in balance."""
         sine, _ = sine_cosine(phase)
         return 0.0 if self._balanced(sine) else self.drive * sine - self.preload
 
@@ -138,7 +138,7 @@ class FreeMotion:
         return (self.push(phase) or sine_cosine(phase)[1]) > 0.0
 
     def release(self, state: State) -> State | None:
-        """Return the state in which a mass pressed on the stop is let go: f sin wt - k g falls through zero."""
+        """Return the state at which a mass pressed on the stop is released: f sin wt - k g falls through zero."""
         if self.preload <= -self.drive:
             return None
         sine = self.preload / self.drive
@@ -159,7 +159,7 @@ class FreeMotion:
         return b2, b3, b4, b5
 
     def never_again(self, state: State) -> bool:
-        """Whether the stop is out of reach for ever: R + sqrt(z^2 + (m/k) z'^2) < g, z = y - steady motion."""
+        """Whether the stop stays out of reach: R + sqrt(z^2 + (m/k) z'^2) < g, with z = y - steady motion."""
         inertia, damper = self.stiff - self.omega**2, self.damp * self.omega
         impedance = inertia**2 + damper**2
         if impedance == 0.0 or self.gap <= 0.0:

@@ -1,17 +1,18 @@
 """Indices that need more than kept impacts, for the `reference` back end: exponents, names, rests, near-misses.
 
-A ledger takes down every contact, rest and near-miss of a motion. Once the window is filled it decides whether the
-motion is certainly a cycle; then each of these indices is that of one cycle, else that of the window.
+A ledger records every contact, rest and near-miss of a motion. When the window is full, it is decided whether the
+motion is certainly a cycle; if so, these indices are computed over one cycle, else over the window.
 
-How neighbours of an orbit move is given by the Jacobian of the impact map. With a0 the acceleration just after impact 0
-and a1 just before impact 1, a neighbour that hits dt0 later and dv0 faster hits next dt1 later and dv1 faster,
+Perturbations follow the Jacobian of the impact map. With a0 the acceleration just after impact 0 and a1 just before
+impact 1, a perturbed motion whose impact 0 is dt0 later and dv0 faster has an impact 1 that is dt1 later and dv1
+faster,
 
     (dt1, dv1) = [[-1/v1, 0], [-a1/v1, 1]] Phi(tau) [[r v0, 0], [-a0, -r]] (dt0, dv0),
 
-where Phi is the transition matrix of (y, y') in free flight and tau how long it lasts. Its determinant is
-r^2 (v0/v1) exp(-c tau/m). Just after impact 0 the deviation of (y, y') is the last of these matrices times (dt0, dv0);
-its length is |y| + h |y'| with h = STEP/L, L the fastest rate. Length and first direction matter as one part in the
-number of impacts, and not at all on a cycle.
+where Phi is the transition matrix of (y, y') in free flight and tau how long it lasts. Its determinant is r^2 (v0/v1)
+exp(-c tau/m). Just after impact 0 the deviation of (y, y') is the last of these matrices times (dt0, dv0); its length
+is |y| + h |y'| with h = STEP/L, L the fastest rate. The choice of length and initial direction changes the exponent by
+about one part in the number of impacts, and not at all on a cycle.
 """
 
 from __future__ import annotations
@@ -25,16 +26,16 @@ from numpy.typing import NDArray
 from vibroimpact.backends.reference.flight import Floats, FreeMotion
 from vibroimpact.backends.reference.motion import Contact, Flight, Rest, closest_miss, time_between
 
-CLOSE = 1e-9  # of V, and of a radian: how well impacts must come back, and how near the periodic orbit must be
-UNRESOLVED = math.log(1e13)  # ln of the parting of neighbours by which rounding decides when a mass rests again
-NOT_SMALL = 1e-3  # of the cycle's weakest impact: a way to go as long as this may lead past a graze
+CLOSE = 1e-9  # of V, and of a radian: tolerance of recurring impacts, and of the distance to the periodic orbit
+UNRESOLVED = math.log(1e13)  # ln of the growth of perturbations at which rounding decides when a mass rests again
+NOT_SMALL = 1e-3  # of the cycle's weakest impact: convergence over a longer distance might pass a graze
 STEP = 2.4  # radians of the fastest rate
-BEGIN = (1.0, 0.7)  # (y, h y'): a direction that no oscillator singles out
+BEGIN = (1.0, 0.7)  # initial direction (y, h y'), special for no oscillator
 
 
 @dataclass
 class Ledger:
-    """All contacts and rests of a motion, as they come."""
+    """All contacts and rests of a motion, in the order of time."""
 
     free: FreeMotion
     # (periods, phase, speed, whether it counts, flight time since the contact or release before, closest miss on it)
@@ -45,7 +46,7 @@ class Ledger:
     miss: float = math.inf
 
     def write(self, event: Contact | Flight | Rest) -> None:
-        """Take down an event; a contact without speed is a touch, and the flight goes on."""
+        """Record an event; a contact without speed is a touch that does not end the flight."""
         if isinstance(event, Flight):
             self.flown += event.duration
             self.miss = min(self.miss, closest_miss(self.free, event.start, event.duration, event.end))
@@ -71,21 +72,21 @@ class Cycle:
 
 
 class Account:
-    """What a ledger's motion amounts to; `speed_scale` is V, `loss` m (1 - r^2)/2."""
+    """The evaluation of a ledger; `speed_scale` is V, `loss` is m (1 - r^2)/2."""
 
     def __init__(self, ledger: Ledger, restitution: float, speed_scale: float, loss: float) -> None:
         self.free, self.restitution, self.speed_scale, self.loss = ledger.free, restitution, speed_scale, loss
         self.periods, self.phase, self.speed, counts, self.flight, self.miss = np.array(ledger.contacts).T
         self.counted = np.flatnonzero(counts)
         self.rests = ledger.rests
-        # The tangent begins where nothing of the past is left, with the flight to this contact. After two releases the
-        # motion is superstable: it repeats from the first one on, whatever came before.
+        # The tangent begins with the flight to this contact, where no memory of the past is left. After two releases
+        # the motion is superstable: it repeats from the first release on, independent of the past.
         self.begun = self.rests[-1][0] if self.rests else 0
         self.superstable = len(self.rests) >= 2
         self.tangent = Tangent(self.free, restitution, self.phase, self.speed, self.flight)
 
     def indices(self, transient: int) -> dict[str, float]:
-        """Return the indices of the cycle, else of the window from after `transient` recorded impacts to the last."""
+        """Return the indices of the cycle, else of the window from the impact after `transient` ones to the last."""
         cycle = self._sticking_cycle() if self.superstable else self._impacting_cycle()
         if cycle is not None:
             return self._of_cycle(cycle)
@@ -113,7 +114,7 @@ class Account:
             return {"grazing_margin": margin}
         time = self._turns(first, last) * self.free.period
         rests = sum(stays for before, stays, _ in self.rests if before > first)
-        # A rest in the window erases all that came before.
+        # A rest in the window erases all memory of the past.
         growth = self.tangent.growth(first, last, self.begun) if self.begun <= first else -math.inf
         return {
             "grazing_margin": margin,
@@ -132,8 +133,8 @@ class Account:
     def _impacting_cycle(self) -> Cycle | None:
         """Return the shortest recurrence of the last impacts, if its Jacobian makes it certain.
 
-        With M the Jacobian and d what is missing to a return, the periodic orbit lies (I - M)^-1 d away; the motion
-        goes there if the spectral radius of M is below 1.
+        With M the Jacobian and d the difference after one recurrence, the periodic orbit is at the distance (I - M)^-1
+        d; the motion converges to it if the spectral radius of M is below 1.
         """
         span = self._recurrence(self.counted[self.counted >= self.begun])
         if span is None:
@@ -150,14 +151,14 @@ class Account:
         return Cycle(round(turns), first, last, log_radius) if certain else None
 
     def _recurrence(self, recorded: NDArray[np.intp]) -> tuple[int, int] | None:
-        """Return the contacts between which the fewest impacts lie that all came back, in (v, sin, cos)."""
+        """Return the two contacts of the shortest recurrence of all impacts between them, in (v, sin, cos)."""
         angle = 2.0 * math.pi * self.phase[recorded]
         states = np.column_stack([self.speed[recorded] / self.speed_scale, np.sin(angle), np.cos(angle)])
         longest = len(states) // 2
         back = (np.abs(states[-1] - states[::-1][1 : longest + 1]) <= CLOSE).all(axis=1)
         for p in np.flatnonzero(back) + 1:
             first, last = int(recorded[-1 - p]), int(recorded[-1])
-            # In a chatter neighbours come close, but not after a period.
+            # In a chatter, successive impacts are close to each other, but less than a period apart.
             again = (np.abs(states[-p:] - states[-2 * p : -p]) <= CLOSE).all()
             if again and round(self._turns(first, last)) >= 1:
                 return first, last
@@ -165,7 +166,7 @@ class Account:
 
 
 class Tangent:
-    """The Jacobians along a chain of contacts, given their phases and speeds and the flight times that led to them."""
+    """The Jacobians along a chain of contacts, from their phases and speeds and the flight times before them."""
 
     def __init__(self, free: FreeMotion, restitution: float, phase: Floats, speed: Floats, flight: Floats) -> None:
         self.restitution, self.damp = restitution, free.damp
@@ -178,13 +179,13 @@ class Tangent:
         landing = _matrices(-1.0 / speed, nothing, -before / speed, one)
         flow = np.tile(np.eye(2), (len(flight), 1, 1))
         flow[flight > 0.0] = free.propagators(flight[flight > 0.0])[:, :2, :2]
-        self.arriving = landing @ flow  # from (y, y') where the flight begins to (t, v) of its contact
+        self.arriving = landing @ flow  # from (y, y') at the beginning of the flight to (t, v) of its contact
         self.step = np.concatenate([self.arriving[:1], self.arriving[1:] @ self.leaving[:-1]])
 
     def growth(self, first: int, last: int, begun: int) -> float:
         """Return ln of the growth of a tangent vector from just after contact `first` to just after contact `last`.
 
-        The vector is `BEGIN` where the flight to contact `begun`, not later than `first`, begins.
+        The vector is `BEGIN` at the beginning of the flight to contact `begun`, which is not later than `first`.
         """
         deviation = self.arriving[begun] @ (np.array(BEGIN) / self.units)
         size = size_first = 0.0
@@ -202,7 +203,8 @@ class Tangent:
     def parting(self, first: int, last: int) -> float:
         """Return ln of the largest growth of a tangent vector between any two contacts from `first` to `last`.
 
-        It is `BEGIN` where the flight to contact `first` begins, and wherever it has shrunk to less than it was there.
+        The vector is `BEGIN` at the beginning of the flight to contact `first`, and is reset to it whenever it has
+        become shorter.
         """
         fresh = np.array(BEGIN) / self.units / sum(BEGIN)
         state, grown, most = fresh, 0.0, 0.0
@@ -221,8 +223,8 @@ class Tangent:
     def cycle(self, first: int, last: int) -> tuple[float, Floats]:
         """Return ln of the spectral radius of the Jacobian M from contact `first` to contact `last`, and M.
 
-        The determinant of a closed cycle is known: r^(2 contacts) exp(-c time/m). The matrix is kept at size one, so
-        that long cycles do not underflow.
+        The determinant of a closed cycle is known: r^(2 contacts) exp(-c time/m). The matrix is normalised, so that
+        long cycles do not underflow.
         """
         matrix, size = np.eye(2), 0.0
         for step in self.step[first + 1 : last + 1]:

@@ -1,8 +1,8 @@
 """One trajectory as a chain of flights, contacts and rests, for the `reference` back end.
 
-First contact with the stop is never missed: a flight is cut into intervals, and an interval is halved until bounds of
-the derivatives leave no doubt whether the gap u falls through zero on it. Only then a root is looked for, in a bracket
-that holds exactly one. Near-misses, where u' rises through zero in front of the stop, are found likewise.
+The first contact with the stop is never missed: a flight is divided into intervals, and an interval is halved until
+bounds of the derivatives prove whether the gap u falls through zero on it. Only then is the root computed, in a bracket
+that contains exactly one. Near-misses, where u' rises through zero in front of the stop, are found in the same way.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ import numpy as np
 from vibroimpact.backends.reference.flight import BLOCK, Floats, FreeMotion, State
 
 ROUNDING = 1e-16
-HALVINGS = 50  # an interval still in doubt after these is shorter than rounding
+HALVINGS = 50  # halvings, after which an undecided interval is shorter than rounding
 CLEAR, CONTACT, BOWL, DOUBT = range(4)
-CERTAIN = 0.6  # of the time to release: a chatter that should end sooner is certainly complete
-SHORT = 1e-4  # radians of the fastest rate: over a shorter tail its second-order end is exact to rounding
-HOLD = 1e-3  # of the cut: an impact this slow under a pressing force is held
+CERTAIN = 0.6  # of the time to release: a chatter expected to end sooner is certainly complete
+SHORT = 1e-4  # radians of the fastest rate: the second-order end of a shorter tail is exact to rounding
+HOLD = 1e-3  # of the cutoff: a slower impact under a pressing force sticks
 
 
 @dataclass(frozen=True)
 class Contact:
-    """An impact: the state just after it, the speed before it, and whether it is fast enough to count."""
+    """An impact: the state just after it, the speed just before, and whether it is fast enough to be recorded."""
 
     after: State
     speed: float
@@ -44,14 +44,14 @@ class Flight:
 
 @dataclass(frozen=True)
 class Rest:
-    """The mass stays on the stop; it is at rest from `settled` on, until `release` (None: for ever)."""
+    """The mass stays on the stop, at rest from `settled` to `release` (None: permanently)."""
 
     settled: State
     release: State | None
 
 
 def motion(free: FreeMotion, restitution: float, start: State, cut: float) -> Iterator[Contact | Flight | Rest]:
-    """Yield flights, contacts and rests in turn; it ends only with a rest for ever."""
+    """Yield flights, contacts and rests in order; it ends only with a permanent rest."""
     state = start
     speed = state.velocity if state.clearance == 0.0 and state.velocity > 0.0 else None
     while True:
@@ -71,7 +71,7 @@ def motion(free: FreeMotion, restitution: float, start: State, cut: float) -> It
 
 
 def rebound(free: FreeMotion, restitution: float, at: State, speed: float, cut: float) -> tuple[State, State]:
-    """Return the state after an impact and, where it ends a chatter, the state at the end of the tail.
+    """Return the state after an impact and, if it completes a chatter, the state at the end of the chatter's tail.
 
     Under a pressing acceleration a the tail takes t1 = 2 r v/((1 - r) a) to leading order and
     t1 - t1^2 (J/(3 a) + c/(6 m)) to second, with J = f w cos(wt)/m.
@@ -97,7 +97,7 @@ def time_between(free: FreeMotion, first: State, second: State) -> float:
 
 
 class Piece(NamedTuple):
-    """A piece of flight: how long it lasts, the state at its end, and the speed of the contact that ends it."""
+    """A piece of flight: its duration, its final state, and the speed of the contact that ends it."""
 
     duration: float
     end: State
@@ -127,7 +127,7 @@ def fly(free: FreeMotion, state: State) -> Piece:
 
 
 def _take_off(free: FreeMotion, x: Floats) -> float:
-    """Return a time in which a mass that leaves the stop has surely not come back.
+    """Return a time during which a mass that leaves the stop certainly does not return.
 
     With b the first positive derivative of u, of order n: u >= b t^n/n! - B t^(n+1)/(n+1)!, which is half
     its first term at t = (n + 1) b/(2 B).
@@ -143,9 +143,9 @@ def _take_off(free: FreeMotion, x: Floats) -> float:
 
 
 def verdict(free: FreeMotion, start: Floats, end: Floats, span: float) -> Any:
-    """Say of intervals whether u > 0 on all of them (CLEAR), u falls through zero once (CONTACT), or u is bent
-    upwards with its least value inside (BOWL); all else is in DOUBT.
+    """Classify intervals as CLEAR, CONTACT, BOWL or in DOUBT.
 
+    CLEAR: u > 0 throughout; CONTACT: u falls through zero once; BOWL: u is convex with its minimum inside.
     A function with |F''| <= B differs from its chord by at most B span^2/8, and one with |F''''| <= B from the cubic
     through its end values and slopes by at most B span^4/384; a cubic lies above the least of its
     Bezier ordinates.
@@ -186,9 +186,9 @@ def _first_within(
 
 
 def root(free: FreeMotion, start: Floats, span: float, order: int) -> tuple[float, Floats]:
-    """Return the time when u (order 0, from above) or u' (order 1, from below) passes zero on its interval, and x.
+    """Return the time at which u (order 0, from above) or u' (order 1, from below) crosses zero, and x there.
 
-    Newton's method inside a bracket, from the root of the parabola or line that starts alike.
+    By bracketed Newton's method, from the root of the Taylor parabola or line.
     """
     u, p, a = float(start[0]), float(start[1]), float(free.acceleration(start))
     steep = math.sqrt(max(p * p - 2.0 * u * a, 0.0)) - p
@@ -210,7 +210,7 @@ def root(free: FreeMotion, start: Floats, span: float, order: int) -> tuple[floa
 def closest_miss(free: FreeMotion, start: State, duration: float, end: State) -> float:
     """Return the smallest local minimum of the gap u > 0 in a piece of flight; infinite if there is none.
 
-    A piece that begins on the stop is the take-off, on which u only grows.
+    A piece that begins on the stop is a take-off, in which u only grows.
     """
     if start.clearance <= 0.0 or duration == 0.0:
         return math.inf
@@ -218,7 +218,7 @@ def closest_miss(free: FreeMotion, start: State, duration: float, end: State) ->
 
 
 def _intervals(free: FreeMotion, start: State, duration: float, end: State) -> tuple[Floats, Floats, Floats]:
-    """Return the beginnings, ends and lengths of the intervals of a flight; all are strides but the last."""
+    """Return the beginnings, ends and lengths of the intervals of a flight; all but the last are one stride long."""
     whole = math.ceil(duration / free.stride) - 1
     first = free.vector(start)
     points = np.concatenate([first[None], free.block[:whole] @ first, free.vector(end)[None]])
@@ -231,7 +231,7 @@ def _minima(free: FreeMotion, starts: Floats, ends: Floats, spans: Floats) -> li
     """Return the local minima of u on intervals.
 
     A function with |F''| <= B differs from its chord by at most B span^2/8: u' with B a bound of |u'''|, u'' with one
-    of |u''''|. Where u cannot change by more than a rounding there is no turn.
+    of |u''''|. Intervals on which u changes by rounding only have no minimum.
     """
     minima = []
     for _ in range(HALVINGS):

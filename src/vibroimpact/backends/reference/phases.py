@@ -1,18 +1,19 @@
-"""Motion of a linear system between two events, while given stops are held closed and others push as springs do.
+"""Motion of a linear system between two events, while given stops stay closed and compliant ones push.
 
 A phase is one linear system with constant coefficients, X' = A X, in
 
     X = (q, q', u, u', l, l sin hwt, l cos hwt, ...),
 
-with a length l that makes the entries alike. The clearances u are carried beside the coordinates, because g - a.q would
-lose its leading digits near contact. Held stops have u = u' = 0, and their forces are rows of X as well:
+with a length l that makes the entries comparable. The clearances u are separate variables, because g - a.q would lose
+its leading digits near contact. Held stops have u = u' = 0, and their forces are linear forms of X:
 
     M q'' + C q' + K q = p - sum_j a_j lambda_j,    u_j'' = d_j'' - a_j . q'' = 0    for each held stop j,
 
-and so are those of compliant stops, lambda_j = -k_j u_j - c_j u_j' while one pushes.
+and so are those of pushing compliant stops, lambda_j = -k_j u_j - c_j u_j'.
 
-Its matrix exponential needs no steady state: k = 0 and resonance are like all else. It is summed as a series, because
-what is small must be right relative to its own size in a chatter, and a Pade approximant is right relative to its norm.
+The matrix exponential needs no steady state, so k = 0 and resonance are no special cases. It is summed as a series,
+because a chatter needs small entries with full relative accuracy, while a Pade approximant is accurate only relative to
+its norm.
 """
 
 from __future__ import annotations
@@ -33,18 +34,18 @@ from vibroimpact.backends.reference.flight import sine_cosine
 Floats = NDArray[np.float64]
 Which = NDArray[np.intp]
 Real = NDArray[Any]  # of double or extended precision
-Watch = tuple[int, int]  # what is watched until it falls through zero, and of which stop
+Watch = tuple[int, int]  # quantities watched until they fall through zero, and their stops
 
 CLEARANCE, FORCE, SLACK, DEEP = range(4)  # u, lambda, k u + c u', -u
 
-STRIDE = 0.1  # radians of the fastest rate between two points of a block
-ROOT = 8  # the root of BLOCK
-BLOCK = ROOT**2  # intervals of a block
+STRIDE = 0.1  # radians of the fastest rate per interval of a block
+ROOT = 8  # the square root of BLOCK
+BLOCK = ROOT**2  # intervals per block
 TERMS = 30  # of a series over a stride
-DEPTH = 6  # derivatives that are looked at where a force or an acceleration vanishes
-BALANCE = 1e-13  # of the sum of its terms: a value this small is rounding
-ROUNDING = 4.0 * np.finfo(float).eps  # relative: the least that `brentq` takes
-NEARLY = 1e-9  # relative error of an extremum, whose value errs by the square
+DEPTH = 6  # derivatives tested where a force or an acceleration vanishes
+BALANCE = 1e-13  # relative to the sum of its terms: a smaller value is rounding
+ROUNDING = 4.0 * np.finfo(float).eps  # relative: the smallest that `brentq` accepts
+NEARLY = 1e-9  # relative error of the place of an extremum; that of its value is the square
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class RigidStop:
     gap : float
         Clearance at q = 0, in m.
     restitution : float, or function of float
-        Ratio r of the speeds after and before an impact, 0 to 1, or what returns it at a speed in m/s.
+        Ratio r of the speeds after and before an impact, 0 to 1, or a function of the speed in m/s that returns it.
     motion : dict of int to complex
         Harmonics of the stop's own motion, in m.
     """
@@ -71,15 +72,15 @@ class RigidStop:
 
 @dataclass(frozen=True)
 class CompliantStop:
-    """A compliant stop: from where u falls through zero it pushes with F = max(0, -k u - c u') until F is zero.
+    """A compliant stop: after u falls through zero it pushes with F = max(0, -k u - c u') until F is zero.
 
-    Where c > 0 that is before u is back at zero. It then keeps out of the way, but for pushing again if k u + c u'
-    falls through zero before u has risen above it.
+    If c > 0 it separates before u returns to zero, and then exerts no force, unless k u + c u' falls through zero
+    before u is positive, when it pushes again.
 
     Parameters
     ----------
     direction, gap, motion
-        Those of a `RigidStop`.
+        As for a `RigidStop`.
     stiffness, damping : float
         k > 0 in N/m and c >= 0 in N s/m.
     """
@@ -119,7 +120,7 @@ class LinearSystem:
 
 
 class Equations:
-    """The matrices of a system, and the phases that its stops make."""
+    """The matrices of a system, and its phases."""
 
     def __init__(self, system: LinearSystem) -> None:
         self.mass, self.omega = np.array(system.mass, float), float(system.omega)
@@ -137,10 +138,10 @@ class Equations:
         moves = moves.reshape(self.s, len(self.orders))
         force = np.column_stack([system.constant, *(p.real for p in waves), *(p.imag for p in waves)])
         gaps = np.array([stop.gap for stop in system.stops], float)
-        self.places = np.column_stack([gaps, moves.real, moves.imag])  # of the stops, over 1, sin hwt, cos hwt
+        self.places = np.column_stack([gaps, moves.real, moves.imag])  # over 1, sin hwt, cos hwt
         self.rates = np.array([h * self.omega for h in self.orders])
-        self.kappa = np.linalg.solve(self.mass, self.directions.T)  # M^-1 a, a column per stop
-        self.coupling = self.directions @ self.kappa  # G: the rates that unit impulses give
+        self.kappa = np.linalg.solve(self.mass, self.directions.T)  # M^-1 a, one column per stop
+        self.coupling = self.directions @ self.kappa  # G: changes of the rates by unit impulses
 
         flow = np.linalg.solve(self.mass, np.column_stack([-np.asarray(system.stiffness), -np.asarray(system.damping)]))
         push = np.linalg.solve(self.mass, force)
@@ -149,7 +150,7 @@ class Equations:
         sizes = [np.abs(push).max() / self.fastest**2, np.abs(moves).max(initial=0.0)]
         self.length = float(max(sizes)) or 1.0
         blank = np.zeros((self.n, 2 * self.s))
-        self.acceleration = np.column_stack([flow, blank, push / self.length])  # q'' = row . X, nothing held
+        self.acceleration = np.column_stack([flow, blank, push / self.length])  # q'' = row . X, with no stop held
         bends = -np.column_stack([np.zeros(self.s), moves.real * self.rates**2, moves.imag * self.rates**2])
         none = np.zeros((self.s, 2 * self.n + 2 * self.s))
         self.bending = np.column_stack([none, bends / self.length]) - self.directions @ self.acceleration
@@ -172,27 +173,27 @@ class Equations:
         return moving
 
     def restitution(self, rates: Floats) -> Floats:
-        """Return r of every stop, whose clearance has that rate before an impact."""
+        """Return r of every stop for the given rate of its clearance before an impact."""
         speeds = np.maximum(-rates, 0.0)
         values = [law(float(v)) if callable(law) else law for law, v in zip(self.laws, speeds, strict=True)]
         return np.array(values, float)
 
     def phase(self, held: tuple[int, ...], pushing: tuple[int, ...] = ()) -> Phase:
-        """Return the phase in which rigid stops are held closed and compliant ones push, made once."""
+        """Return the (cached) phase in which given rigid stops are held closed and given compliant ones push."""
         if (held, pushing) not in self.phases:
             self.phases[held, pushing] = Phase(self, held, pushing)
         return self.phases[held, pushing]
 
 
 class Phase:
-    """Motion while some stops are held closed and some push; `rows` of what may be watched of every stop."""
+    """Motion while some stops are held closed and some push; `rows` holds the watchable quantities of every stop."""
 
     def __init__(self, eq: Equations, held: tuple[int, ...], pushing: tuple[int, ...]) -> None:
         n, s, size = eq.n, eq.s, eq.acceleration.shape[1]
         self.held, self.pushing, index, springs = held, pushing, list(held), list(pushing)
         square = eq.coupling[np.ix_(index, index)]
         self.singular = bool(index) and np.linalg.cond(square) > 1.0 / BALANCE
-        self.force = np.zeros((s, size))  # lambda, a row per stop
+        self.force = np.zeros((s, size))  # lambda, one row per stop
         self.force[springs] = -eq.slack[springs]
         if index and not self.singular:
             self.force[index] = np.linalg.solve(square, -(eq.bending + eq.coupling @ self.force)[index])
@@ -210,7 +211,7 @@ class Phase:
         self.matrix = matrix
         self.fastest = max(eq.fastest, float(np.abs(np.linalg.eigvals(matrix[:b, :b])).max()))
         self.stride = STRIDE / self.fastest
-        self.tick = ROUNDING * eq.period  # by which an event may be early or late
+        self.tick = ROUNDING * eq.period  # tolerance of the time of an event
         self.powers = np.arange(TERMS)
         clearances = np.eye(size)[u:v]
         values = np.stack([clearances, self.force, eq.slack, -clearances])  # in the order of the kinds of a Watch
@@ -232,7 +233,7 @@ class Phase:
 
     @cached_property
     def block(self) -> Floats:
-        """Propagators over 1 ... BLOCK strides; in extended precision, because each block makes their errors anew."""
+        """Propagators over 1 ... BLOCK strides, in extended precision because their errors recur in each block."""
         ones = _powers(exponential(self.matrix.astype(np.longdouble), self.stride))
         eights = np.concatenate([np.eye(len(self.matrix))[None], _powers(ones[-1])[:-1]]).astype(float)
         table: Floats = (eights[:, None] @ ones.astype(float)[None]).reshape(BLOCK, *self.matrix.shape)
@@ -240,13 +241,13 @@ class Phase:
 
     @cached_property
     def grown(self) -> Floats:
-        """Bound of |exp(A tau)|, entry by entry, for tau up to a stride."""
+        """Entrywise bound of |exp(A tau)| for tau up to a stride."""
         return exponential(np.abs(self.matrix), self.stride)
 
     def leading(self, row: Floats, x: Floats) -> tuple[int, float]:
-        """Return the order of the first derivative of row . X that is not rounding, and its value.
+        """Return the order and the value of the first derivative of row . X that exceeds rounding.
 
-        It is (DEPTH, 0) if there is none: the value then stays zero.
+        The result is (DEPTH, 0) if there is none; the value then stays zero.
         """
         size = np.abs(row)
         for order in range(DEPTH):
@@ -257,7 +258,7 @@ class Phase:
         return DEPTH, 0.0
 
     def surely_positive(self, row: Floats, x: Floats, order: int, value: float) -> float:
-        """Return a time, a stride at most, up to which row . X surely stays positive after it was zero.
+        """Return a time, at most a stride, up to which row . X certainly stays positive after being zero.
 
         With b > 0 its first derivative that is not zero, of order n, it is at least b t^n/n! - B t^(n+1)/(n+1)!, which
         is half its first term at t = (n + 1) b/(2 B).
@@ -267,9 +268,9 @@ class Phase:
         return float(min(self.stride, lasts))
 
     def next_event(self, x: Floats, watched: dict[Watch, float], longest: float) -> tuple[float, Floats, list[Watch]]:
-        """Return time, X and what falls through zero first, of which stops; nothing within a block.
+        """Return time, X, and the quantities that fall through zero first with their stops; none within a block.
 
-        `watched` holds what to look at, each with a time up to which it is surely positive.
+        `watched` holds the quantities, each with a time up to which it is certainly positive.
         """
         states = np.concatenate([x[None], self.block @ x])
         count = min(BLOCK, math.ceil(longest / self.stride))
@@ -295,7 +296,7 @@ class Phase:
         return (whole, states[-1], []) if longest >= whole else (longest, self.moved(x, longest), [])
 
     def _first_zero(self, rows: Floats, x: Floats, begin: float) -> float | None:
-        """Return the time when a value falls through zero within a stride: its extrema are bracketed, then its root."""
+        """Return the time at which a value falls through zero within a stride: brackets its extrema, then its root."""
         coefficients = rows @ self.series(x).T
 
         def derivative(order: int) -> Callable[[float], float]:
@@ -315,9 +316,9 @@ class Phase:
 
 
 def exponential(matrix: Real, time: float, strides: float = 1.0) -> Real:
-    """Return exp(A time), each entry right relative to the sum of its terms; `time` is so many strides.
+    """Return exp(A time), each entry accurate relative to the sum of its terms; `time` is in strides.
 
-    The series over a stride is summed until a term changes nothing, then squared; in the precision of the matrix.
+    The series over a stride is summed until terms vanish in rounding, then squared, in the precision of the matrix.
     """
     squares = max(0, math.ceil(math.log2(strides)))
     step = matrix * (time / 2.0**squares)
@@ -340,7 +341,7 @@ def _powers(matrix: Real) -> Real:
 
 
 def _with_roots(function: Callable[[float], float], knots: list[float]) -> list[float]:
-    """Return the knots and, between any two at which the function has different signs, its root."""
+    """Return the knots and, between neighbouring knots of different sign, the root of the function."""
     refined = knots[:1]
     for low, high in pairwise(knots):
         before, after = function(low), function(high)

@@ -1,4 +1,4 @@
-"""What compliant stops do while they push: impulse, largest force, time, penetration and the energy that they take."""
+"""Effects of compliant stops while they push: impulse, peak force, contact time, penetration and energy lost."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from vibroimpact.backends.reference.phases import CLEARANCE, FORCE, NEARLY, TERM
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(
     12
-)  # of a stride: exact to rounding, the product of two series as well
+)  # quadrature over a stride, exact to rounding even for the product of two series
 
 
 class Push(NamedTuple):
-    """What a stop did over a time that it pushed.
+    """The effect of a stop during an interval in which it pushed.
 
     Parameters
     ----------
     impulse, energy_lost : float
         Integrals of F in N s and of F d' in J, d = -u.
     peak_force, penetration, contact_time : float
-        The largest F in N and d in m, and the time in s.
+        The largest F in N and d in m, and the duration in s.
     """
 
     impulse: float
@@ -34,7 +34,7 @@ class Push(NamedTuple):
 
 
 def pushes(phase: Phase, x: Floats, time: float) -> dict[int, Push]:
-    """Return the work of each stop that pushes in a phase over a time from x on, a block at most."""
+    """Return the effect of each pushing stop in a phase over a time from x, at most a block."""
     count = max(1, math.ceil(time / phase.stride))
     states = np.concatenate([x[None], phase.block @ x])[:count]
     lengths = np.full(count, phase.stride)
@@ -55,7 +55,7 @@ def pushes(phase: Phase, x: Floats, time: float) -> dict[int, Push]:
 
 
 def _largest(series: Floats, lengths: Floats) -> float:
-    """Return the largest value of a function given by its power series over successive times."""
+    """Return the largest value of a function given by its power series over successive intervals."""
     order = np.arange(TERMS)
     slopes = series[:, 1:] * order[1:]
     ends = np.einsum("ip,ip->i", series, lengths[:, None] ** order)

@@ -1,8 +1,8 @@
-"""The witness for systems of several coordinates and stops: one motion, event by event, slow and plain.
+"""The cross-check for systems of several coordinates and stops: one motion, event by event, slow and simple.
 
-All phases are exact (`phases`), the first event is bracketed on a grid that is dense against the fastest rate, impacts
-and closed stops obey complementarity, solved by trying every subset (`contacts`), and what compliant stops do while
-they push is integrated (`pushes`).
+All phases are exact (`phases`). The first event is bracketed on a grid that is fine compared with the fastest rate.
+Impacts and closed stops satisfy complementarity, solved by trying every subset (`contacts`). The effects of pushing
+compliant stops are integrated (`pushes`).
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from vibroimpact.backends.reference.pushes import pushes
 
 __all__ = ["CompliantStop", "Event", "LinearSystem", "Moment", "RigidStop", "Trajectory", "follow"]
 
-TOUCH = 1e-13  # of a clearance's terms: one this small is contact
-CUT = 1e-10  # of the fastest impact so far: chatter below it is closed
-SHORT = 1e-6  # radians of the fastest rate: the rest of a chatter this short ends as the geometric series says
-HOLD = 1e-3  # of the cut: an impact this slow under a pressing force is held
-EVENTS = 1000  # per impact asked for, those too weak to be recorded included
+TOUCH = 1e-13  # relative to a clearance's terms: a smaller clearance is contact
+CUT = 1e-10  # of the fastest impact so far: chatter below it is completed
+SHORT = 1e-6  # radians of the fastest rate: a shorter remainder of a chatter is summed as a geometric series
+HOLD = 1e-3  # of the cutoff: a slower impact under a pressing force sticks
+EVENTS = 1000  # per requested impact, including those too weak to be recorded
 
 
 def follow(
@@ -52,38 +52,38 @@ def follow(
     most_periods: float = 1000.0,
     cut: float | None = None,
 ) -> Trajectory:
-    """Follow a system from a state for so many impacts or driving periods, whichever end first.
+    """Follow a system from a state for a number of impacts or driving periods, whichever ends first.
 
     Parameters
     ----------
     system : LinearSystem
         Matrices, forces and stops.
     displacement, velocity : array, shape (n,)
-        The state at `time`, in front of every rigid stop or touching it.
+        The state at `time`, not beyond any rigid stop.
     time : float
         In s.
     impacts : int
-        Impacts to be recorded, contacts with compliant stops to their end.
+        Number of impacts to record; contacts with compliant stops are followed to their end.
     most_periods : float
-        Driving periods to follow at most.
+        Largest number of driving periods.
     cut : float, optional
-        Impacts slower than this, in m/s, are not recorded; a chatter below it that is sure to be complete is closed.
-        None is 1e-10 of the fastest impact so far.
+        Impacts slower than this, in m/s, are not recorded; a chatter below it that certainly completes is replaced by
+        its end. None means 1e-10 of the fastest impact so far.
 
     Returns
     -------
     Trajectory
-        The events in order; states at any time by its `at`.
+        The events in order; its method `at` returns states at any time.
 
     Raises
     ------
     ValueError
-        The state lies beyond a rigid stop, or such stops squeeze a mass between them.
+        The state lies beyond a rigid stop, or a mass is squeezed between rigid stops.
 
     Notes
     -----
-    Exact to rounding and the growth of errors along the motion. Two events of one stop within a tenth of a radian of
-    the fastest rate are told apart; some milliseconds per impact.
+    The motion is exact up to rounding and its growth. Two events of one stop are resolved down to a tenth of a radian
+    of the fastest rate. An impact takes a few milliseconds.
 
     Examples
     --------
@@ -110,7 +110,7 @@ def follow(
 
 
 class _Walk:
-    """A motion as far as it is known."""
+    """A motion as far as it has been computed."""
 
     def __init__(self, system: LinearSystem, q: Floats, v: Floats, time: float, cut: float | None) -> None:
         self.eq = eq = Equations(system)
@@ -119,11 +119,11 @@ class _Walk:
         clearance, rate = eq.places @ basis - eq.directions @ q, eq.stop_rates(basis) - eq.directions @ v
         self.at = Moment(math.floor(turns), turns - math.floor(turns), q, v, clearance, rate)
         self.cut, self.fastest = cut, 0.0
-        self.closed: tuple[int, ...] = ()  # all that stay closed, and those of them that push
+        self.closed: tuple[int, ...] = ()  # stops that stay closed, and those of them that push
         self.held: tuple[int, ...] = ()
-        self.pushing: tuple[int, ...] = ()  # compliant stops that push, and those that let go and are still pushed in
+        self.pushing: tuple[int, ...] = ()  # those that push; those that let go and are still pressed in
         self.away: tuple[int, ...] = ()
-        self.contacts: dict[int, int | None] = {}  # of these, the index of their event if it is recorded
+        self.contacts: dict[int, int | None] = {}  # for the pushing ones, the index of their event if it is recorded
         self.events: list[Event] = []
         self.pieces: list[tuple[float, Phase, Floats]] = []
         self.recorded, self.full = 0, False
@@ -142,7 +142,7 @@ class _Walk:
 
     @property
     def in_contact(self) -> bool:
-        """Whether a contact that is recorded goes on."""
+        """Whether a recorded contact is unfinished."""
         return any(index is not None for index in self.contacts.values())
 
     def _touch(self) -> Floats:
@@ -160,7 +160,7 @@ class _Walk:
         self.events.append(replace(event, **what))  # type: ignore[arg-type]
 
     def meet(self) -> None:
-        """Settle all that happens at this instant: impacts, then which stops are closed."""
+        """Resolve all events at this instant: impacts, then the set of closed stops."""
         before, late, compliant = self.closed, 0.0, self.eq.compliant
         for _ in range(EVENTS):
             clearance, touch = self.at.clearance, self._touch()
@@ -185,7 +185,7 @@ class _Walk:
             self._note("stick", j, time=float(sum(turns) * self.eq.period), phase=float(turns[1]))
 
     def _settle(self, resting: list[int]) -> None:
-        """Decide which compliant stops push, and which of the rigid ones at rest stay closed."""
+        """Determine which compliant stops push, and which of the rigid ones at rest stay closed."""
         eq, x, signs = self.eq, self._vector(), {}
         for _ in range(eq.s + 1):
             self.held, self.closed = held_closed(eq, x, resting, self.pushing)
@@ -197,9 +197,9 @@ class _Walk:
         self.away = tuple(j for j, sign in signs.items() if sign < 0)
 
     def _pushes(self, j: int, phase: Phase, x: Floats) -> int:
-        """Return 1 if a compliant stop pushes from now on, -1 if it has let go and is still pushed in, 0 if it is free.
+        """Return 1 if a compliant stop pushes from now on, -1 if it let go and is still pressed in, 0 if it is free.
 
-        The first derivative that does not vanish decides; it is the same with the stop's own force and without.
+        The sign of the first non-zero derivative decides; it is the same with and without the stop's own force.
         """
         clear, touch = self.at.clearance[j], self._touch()[j]
         if clear >= -touch:
@@ -208,7 +208,7 @@ class _Walk:
         return 1 if phase.leading(self.eq.slack[j], x)[1] < 0.0 else -1
 
     def _begin_contacts(self) -> None:
-        """Write down the contacts that begin now, and forget those that are over."""
+        """Record the contacts that begin now, and discard those that are over."""
         self.contacts = {j: index for j, index in self.contacts.items() if j in self.pushing or j in self.away}
         new = [j for j in self.pushing if j not in self.contacts]
         struck = [j for j in new if self.at.clearance[j] == 0.0 > self.at.rate[j]]
@@ -222,7 +222,7 @@ class _Walk:
                 self._note("impact", j, velocity=speed, simultaneous=len(struck) > 1, closed=self.closed)
 
     def _close_gaps(self, stops: Which) -> None:
-        """Set the clearances of stops to zero, the coordinates with them."""
+        """Set the clearances of stops to zero, and adjust the coordinates."""
         eq, at = self.eq, self.at
         clearance = at.clearance.copy()
         clearance[stops] = 0.0
@@ -231,14 +231,14 @@ class _Walk:
         self.at = replace(at, displacement=moved, clearance=clearance)
 
     def _match_rates(self, stops: Which) -> None:
-        """Let the velocities of the coordinates have the rates that these stops are said to have."""
+        """Adjust the velocities of the coordinates to given rates of the stops' clearances."""
         eq, at = self.eq, self.at
         beyond = (eq.stop_rates(eq.basis(at.phase)) - eq.directions @ at.velocity - at.rate)[stops]
         moved = at.velocity + eq.kappa[:, stops] @ _solved(eq.coupling[np.ix_(stops, stops)], beyond)
         self.at = replace(at, velocity=moved)
 
     def _strike(self, struck: list[int], contact: list[int]) -> None:
-        """Let the stops in contact push: those struck, and those closed."""
+        """Apply the impulses of the stops in contact, both struck and closed."""
         eq, at = self.eq, self.at
         law = eq.restitution(at.rate)[contact]
         after, parts = impact_law(eq.coupling[np.ix_(contact, contact)], law, at.rate[contact])
@@ -268,10 +268,10 @@ class _Walk:
         return CUT * self.fastest if self.cut is None else self.cut
 
     def _held_from(self, struck: list[int], touching: Which) -> float | None:
-        """Close the stops struck if that ends a chatter, and return for how long it would have gone on.
+        """Close the struck stops if this completes a chatter, and return the remaining duration of the chatter.
 
-        Under a pressing acceleration a that is left of a velocity v takes 2 r v/((1 - r) a), and as a whole it pushes
-        as much as a stop that is held from now on. None: the impact rebounds.
+        Under a pressing acceleration a the remaining duration is 2 r v/((1 - r) a) for a velocity v, and its total
+        impulse equals that of a stop held from now on. None means that the impact rebounds.
         """
         eq, cut = self.eq, self._cut()
         speed, law = max(-self.at.rate[j] for j in struck), eq.restitution(self.at.rate)
@@ -307,7 +307,7 @@ class _Walk:
         return late
 
     def move(self, longest: float) -> None:
-        """Move to the next event, or to the end of a block of the grid."""
+        """Advance to the next event, or to the end of a block of the grid."""
         eq, phase, x = self.eq, self.eq.phase(self.held, self.pushing), self._vector()
         self.pieces.append((self.time, phase, x))
         time, end, met = phase.next_event(x, self._watched(phase, x), longest)
@@ -326,7 +326,7 @@ class _Walk:
         self._match_rates(closed)
 
     def _watched(self, phase: Phase, x: Floats) -> dict[Watch, float]:
-        """Return the values that may fall through zero next, of which stops, and up to when each is surely positive."""
+        """Return the values that may fall through zero next, their stops, and until when each is certainly positive."""
         watched = {}
         touching = self.at.clearance <= self._touch()
         for j in range(self.eq.s):
@@ -352,5 +352,5 @@ class _Walk:
 
 
 def _solved(square: Floats, right: Floats) -> Floats:
-    """Return the solution of least size; the matrix is singular where directions of stops are parallel."""
+    """Return the minimum-norm solution; the matrix is singular if directions of stops are parallel."""
     return np.asarray(np.linalg.lstsq(square, right, rcond=None)[0], float) if len(right) else right

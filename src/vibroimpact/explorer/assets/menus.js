@@ -1,8 +1,8 @@
-// The menus: what the server offers, and which entry the view has.
+// The menus: their entries from the server, and the entry of the view.
 window.Menus = (() => {
   "use strict";
   let report = () => -1;
-  const sent = {};  // by menu, the number of the last command
+  const sent = {};  // serial number of the last command, by menu
   const offer = (menu, options) => {
     const made = JSON.stringify(options);
     if (menu.dataset.made === made) return;
@@ -10,7 +10,7 @@ window.Menus = (() => {
     menu.replaceChildren(...options.map(([value, text]) => new Option(text, value)));
     (menu.closest("label") ?? menu).hidden = !options.length;
   };
-  // The server may answer an older message than the last one sent: a menu must not jump back under the hand.
+  // The server may answer an older message than the last one sent: a menu must not jump back while in use.
   const take = (parts) => {
     for (const [part, { heard, menus }] of parts) {
       if (part !== "menus") continue;

@@ -1,4 +1,4 @@
-// The motion at the point: four plots, the mass between its stops, and the diagram along a line below the plane.
+// The motion at the point: four plots, the animated mass, and the diagram below the plane.
 window.Motion = (() => {
   "use strict";
   const byId = (id) => document.getElementById(id);
@@ -9,7 +9,7 @@ window.Motion = (() => {
   let playing = false, clock = 0, before = 0;
   const each = (draw) => { for (const slot of order) if (motions[slot]) draw(motions[slot], [LOOK.blue, LOOK.red, LOOK.green][slot], slot === 0); };
   const empty = () => !motions[0] || !motions[0].time.length;
-  // How many of ascending values lie below a bound.
+  // Number of ascending values below a bound.
   const place = (values, bound) => {
     let low = 0, high = values.length;
     while (low < high) { const mid = (low + high) >> 1; if (values[mid] < bound) low = mid + 1; else high = mid; }
@@ -28,7 +28,7 @@ window.Motion = (() => {
     title, x: "displacement y [m]", y: "velocity [m/s]",
     paint: (plot) => { draw_walls(plot, false); draw_faces(plot, false); each((motion, color, first) => draw(plot, motion, color, first)); },
   });
-  // What lies behind the stops that stay where they are, and the others' places over time.
+  // Regions behind fixed stops, and positions of moving stops over time.
   const draw_walls = (plot, across) => {
     if (!motions[0]) return;
     for (const { side, place } of motions[0].walls) {
@@ -47,13 +47,13 @@ window.Motion = (() => {
           plot.marks(motion.hits, motion.hit_places, color);
         });
         if (motions[0]) plot.bars(motions[0].rest_begin, motions[0].rest_end, motions[0].rest_places, "#e0c800");
-        if (playing && !empty()) plot.rule("x", now(), LOOK.ink, [2, 3]);  // no colour of a pin
+        if (playing && !empty()) plot.rule("x", now(), LOOK.ink, [2, 3]);  // not the colour of a pin
       },
     }),
     portrait: phase("portrait", "Phase portrait", (plot, motion, color, first) => {
       plot.line(motion.displacement, motion.velocity, color, first ? 1.4 : 1.2, 0, motion.turn);
     }),
-    poincare: phase("poincare", "Poincaré map: once a driving period", (plot, motion, color) => plot.dots(motion.looks_y, motion.looks_v, color)),
+    poincare: phase("poincare", "Poincaré map: once per driving period", (plot, motion, color) => plot.dots(motion.looks_y, motion.looks_v, color)),
     impact_map: new Plot("impact_map", {
       title: "Impact map: phase and velocity", x: "phase of the driving period", y: "impact velocity [m/s]",
       paint: (plot) => each((motion, color) => plot.dots(motion.phases, motion.speeds, color)),
@@ -93,7 +93,7 @@ window.Motion = (() => {
       pen.lineTo(to, middle);
     });
     pen.fillStyle = LOOK.blue; pen.fillRect(x - 2 * side, middle - side, 2 * side, 2 * side);
-    for (const { side: where, place } of motions[0].walls) {  // one below the mass meets its other face
+    for (const { side: where, place } of motions[0].walls) {  // a stop below the mass meets its lower face
       const wall = place.length === 1 ? place[0] : position(motions[0].time, place, time);
       const face = across(wall) - (where > 0 ? 0 : 2 * side), behind = (far) => face + where * far;
       pen.fillStyle = LOOK.frame; pen.fillRect(Math.min(face, behind(3)), 4, 3, height - 8);
@@ -128,7 +128,7 @@ window.Motion = (() => {
   window.addEventListener("resize", draw_mass);
   draws.push(draw_mass);
 
-  // ---- what the server sends
+  // ---- data from the server
   const takes = {
     motion: ({ slot, walls, begin, turn, lengths, values }) => {
       const motion = { turn }, later = ["time", "hits", "rest_begin", "rest_end"];
@@ -148,7 +148,7 @@ window.Motion = (() => {
     home: (content) => {
       for (const [name, [x, y]] of Object.entries(content)) {
         const { home } = plots[name];
-        if (`${[home.x, home.y]}` !== `${[x, y]}`) plots[name].fit(x, y);  // what is as it was stays as a person zoomed it
+        if (`${[home.x, home.y]}` !== `${[x, y]}`) plots[name].fit(x, y);  // unchanged axes keep the user's zoom
       }
     },
     line: ({ low, high, dots, ...content }) => {
@@ -159,7 +159,7 @@ window.Motion = (() => {
     },
     line_home: ({ x, y, label }) => { if (label) below.x = label; below.fit(x || below.home.x, y || below.home.y); },
   };
-  // Take parts of what is shown, by name; draw once what they change.
+  // Update parts by name; redraw each changed plot once.
   const take = (parts) => {
     const names = parts.map(([name]) => name).filter((name) => name.replace(/_\d$/, "") in takes);
     for (const [name, content] of parts) if (names.includes(name)) takes[name.replace(/_\d$/, "")](content);

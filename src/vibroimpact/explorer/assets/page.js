@@ -10,14 +10,14 @@
     return serial;
   };
 
-  // ---- what goes on
+  // ---- state of the connection
   const AGAIN = 1000;  // ms between attempts to reach a server that was lost
-  const FULL = 1013;  // the code with which a server closes that has no room
+  const FULL = 1013;  // close code of a server that has no room
   const be = (state, words = `${state} …`) => {
     const box = byId("state");
     if (box.dataset.is !== state) Object.assign(box, { textContent: words }).dataset.is = state;
   };
-  // The server forgets a tab that left; the address holds all that it showed.
+  // The server forgets a closed tab; the address holds its whole view.
   const reconnect = async () => {
     be("lost", "lost, reconnecting …");
     write();
@@ -27,7 +27,7 @@
     }
   };
 
-  // ---- messages of the server
+  // ---- messages from the server
   let hush = null;
   const say = (text, stays = socket.readyState !== WebSocket.OPEN) => {
     const box = byId("message");
@@ -43,7 +43,7 @@
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
   };
-  // ---- what is shown or not
+  // ---- options
   const ticks = document.querySelectorAll("#ticks input");
   for (const box of ticks) box.addEventListener("change", () => command(box.value));
   for (const button of document.querySelectorAll("#buttons button")) button.addEventListener("click", () => command(button.value));
@@ -66,7 +66,7 @@
     catch { say(`Copy this address: ${location.href}`); }
   });
   const help = byId("help");
-  const show_help = () => { help.showModal(); help.scrollTop = 0; };  // not at its only button, at the end
+  const show_help = () => { help.showModal(); help.scrollTop = 0; };  // not scrolled to its only button, at the end
   byId("help-button").addEventListener("click", show_help);
   help.addEventListener("click", (event) => { if (event.target === help) help.close(); });
   document.addEventListener("keydown", (event) => {
@@ -91,14 +91,14 @@
     }
   });
 
-  // ---- the part of the link that only the page knows, behind #: how fast the motion plays, what plots are zoomed to
+  // ---- the part of the link after #, known only to the page: speed of the animation, zoom of the plots
   const speed = byId("speed"), usual = speed.value;
   const fragment = () => {
     const parts = speed.value === usual ? [] : [`speed=${speed.value}`];
     for (const [name, { part }] of Object.entries(Motion.plots)) if (part) parts.push(`${name}=${part.map((end) => Number(end.toPrecision(9)))}`);
     return parts.length ? `#${parts.join("&")}` : "";
   };
-  const REST = 300;  // ms: another address costs a browser as much as all plots, and it may refuse many of them
+  const REST = 300;  // ms: changing the address takes as long as drawing all plots, and browsers refuse frequent changes
   let writing = null, unread = true, query = location.search;
   const write = () => {
     clearTimeout(writing);
@@ -112,7 +112,7 @@
       const ends = text.split(",").map(Number), plot = Object.hasOwn(Motion.plots, name) ? Motion.plots[name] : null;
       if (name === "speed" && [...speed.options].some((one) => one.value === text)) speed.value = text;
       else if (plot && ends.length === 4 && ends.every(Number.isFinite) && ends[0] < ends[1] && ends[2] < ends[3]) plot.show(ends);
-      else say(`${name.slice(0, 40)}=${text.slice(0, 40)} behind # in the address cannot be read and is ignored.`);
+      else say(`${name.slice(0, 40)}=${text.slice(0, 40)} after # in the address is invalid and was ignored.`);
     }
     write();
   };
@@ -120,7 +120,7 @@
   speed.addEventListener("change", write);
   window.addEventListener("hashchange", follow_fragment);
 
-  // ---- what changes together, drawn together: what came since the last frame
+  // ---- all changes since the last frame are drawn together
   const TYPES = { float64: Float64Array, float32: Float32Array, uint16: Uint16Array, uint8: Uint8Array };
   const unpack = (message) => {
     const length = new DataView(message).getUint32(0, true), begin = 4 + length;

@@ -1,10 +1,10 @@
-// The view as a picture: plane and motion as the page shows them, drawn once more at twice the size.
+// The view as a picture: plane and motion as on the page, drawn at twice the size.
 window.Picture = (() => {
   "use strict";
   const SCALE = 2, PARTS = "#plane, #point", LEFT_OUT = "button, select, output, #tip";
   const { LOOK } = window.Plots;
 
-  // Words where the page has them, cut off where it cuts them off.
+  // Text at its position on the page, clipped as on the page.
   const write = (pen, root) => {
     const walker = document.createTreeWalker(root, NodeFilter.SHOW_TEXT), range = document.createRange();
     for (let node = walker.nextNode(); node; node = walker.nextNode()) {
@@ -23,7 +23,7 @@ window.Picture = (() => {
     }
   };
 
-  // Keys of the legend, and the lines below the heads of columns.
+  // Legend keys, and the lines below column headings.
   const mark = (pen, box) => {
     const { x, y, width, height } = box.getBoundingClientRect(), style = getComputedStyle(box), thick = parseFloat(style.borderBottomWidth);
     pen.fillStyle = style.borderBottomColor;

@@ -1,8 +1,8 @@
-// The plane: a picture of a value for every pair of two parameters, and what lies over it.
+// The plane: an image with one value per pair of parameters, and its overlays.
 window.Plane = (() => {
   "use strict";
   const { Plot, LOOK, MARGINS, UNIT, also, quantity } = window.Plots;
-  const INK = "#222", REST = 150, HOVER = 60;  // ms after the last turn of the wheel, before the server is told; before the text
+  const INK = "#222", REST = 150, HOVER = 60;  // ms from the last wheel event to the command; ms before the tooltip
   let picture = null, curves = { lengths: [], places: [], colors: [], words: [] }, pending = null;
   let marks = { x: 0, y: 0, along: "x", pins: [] };
   let names = { x: "", y: "" }, hovering = null, hatch = { side: 0, speeds: [] };
@@ -21,7 +21,7 @@ window.Plane = (() => {
     pen.moveTo(x - 7.5, y); pen.lineTo(x + 7.5, y); pen.moveTo(x, y - 7.5); pen.lineTo(x, y + 7.5);
     pen.stroke();
   };
-  // Stripes over the cells of the mask, as far apart on the screen whatever is zoomed to.
+  // Stripes over the cells of the mask, equally spaced on the screen at any zoom.
   const STEP = 7;
   const draw_hatch = (plot, left, top, width, height) => {
     const { pen } = plot, { a: ratio } = pen.getTransform(), brush = stripes.getContext("2d");
@@ -74,7 +74,7 @@ window.Plane = (() => {
       if (picture && picture.ticks.length && this.height > 20) this.bar();
     }
 
-    // The colours beside the plane, and what they stand for.
+    // The colour bar beside the plane.
     bar() {
       const { pen, top, height } = this, { scale: colors, ticks, low, high } = picture, left = this.left + this.width + 6, step = height / colors.length;
       colors.forEach((color, number) => { pen.fillStyle = color; pen.fillRect(left, top + height - (number + 1) * step, 10, step + 0.6); });
@@ -86,9 +86,9 @@ window.Plane = (() => {
       }
     }
 
-    press() {}  // keys are the page's: they move the point and zoom what is computed
+    press() {}  // the page handles keys: they move the point and zoom the plane
 
-    // A quick click waits for the motion, not for the text about the cell.
+    // A quick click must not wait for the tooltip.
     tell({ offsetX, offsetY }) {
       clearTimeout(hovering);
       if (!tip.hidden) this.describe({ offsetX, offsetY });
@@ -104,7 +104,7 @@ window.Plane = (() => {
       tip.style.transform = `translate(${this.beside(event, tip.offsetWidth, tip.offsetHeight).join("px, ")}px)`;
     }
 
-    // The nearest place within the frame where the text covers neither what is pointed at nor, if there is room, point and pins.
+    // The nearest position within the frame where the tooltip hides neither the cell nor, if there is room, point and pins.
     beside({ offsetX: x, offsetY: y }, wide, high) {
       const kept = [[x, y, 14, 1e6], ...[[marks.x, marks.y], ...marks.pins].map(([a, b]) => [this.px(a), this.py(b), 10, 1e4])];
       const rights = [this.left, this.left + this.width - wide], downs = [this.top, this.top + this.height - high];
@@ -139,7 +139,7 @@ window.Plane = (() => {
       return lines;
     }
 
-    // What the boundary below the pointer is.
+    // The description of the boundary below the pointer.
     nearest(event) {
       let best = 25, word = "";
       each_curve((from, to, number) => {
@@ -167,7 +167,7 @@ window.Plane = (() => {
   // "#rrggbb" as a picture holds it: red first, whatever the order of bytes
   const pixel = (color) => new Uint32Array(new Uint8Array([1, 3, 5].map((at) => parseInt(color.slice(at, at + 2), 16)).concat(255)).buffer)[0];
 
-  // ---- what the server sends
+  // ---- data from the server
   const takes = {
     plane: (content) => {
       const [rows, columns] = content.shape, colors = content.colors.map(pixel), pixels = new Uint32Array(rows * columns);

@@ -1,9 +1,9 @@
-// Small plots on canvases of their own, drawn in a few milliseconds: the motion is there with the click.
+// Small plots on canvases, drawn in a few milliseconds, so that the motion appears with the click.
 window.Plots = (() => {
   "use strict";
   const STEPS = [1, 2, 5, 10];
   const UNIT = /^(.*?)(?: \[(.*)\])?$/;  // of an axis label: what it is, its unit
-  // The page's colours, in which plots are drawn; they change with the system's wish for dark or light.
+  // The page's colours, in which plots are drawn; they change with the system's dark or light mode.
   const LOOK = {}, draws = [], dark = window.matchMedia("(prefers-color-scheme: dark)");
   const dress = () => {
     const style = getComputedStyle(document.documentElement);
@@ -15,7 +15,7 @@ window.Plots = (() => {
   dark.addEventListener("change", dress);
   const minus = (text) => text.replace(/-/g, "−");
 
-  // Units with a prefix as the package's figures have them: 0.1 to 100 of it; powers of ten before others.
+  // Unit prefixes as in the package's figures, for values from 0.1 to 100; powers of ten for other units.
   const PREFIXES = { "-15": "f", "-12": "p", "-9": "n", "-6": "µ", "-3": "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T" };
   const PREFIXED = /^(m|s|N|J|g|Hz|Pa|W)(?=$|[ /])/;
   const power_of = (size) => (!size || !Number.isFinite(size) || (size >= 0.01 && size < 1e5) ? 0 : 3 * Math.floor((Math.log10(size) + 1) / 3));
@@ -25,13 +25,13 @@ window.Plots = (() => {
     if (PREFIXED.test(base) && ten in PREFIXES) return PREFIXES[ten] + base;
     return `10${[...String(power)].map((one) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(one)]).join("")} ${unit}`.trim();
   };
-  // A value with its unit, of a power of ten or its own.
+  // A value with its unit, with the given power of ten or a suitable one.
   const quantity = (value, unit, digits, power = power_of(Math.abs(value))) => {
     const text = (value / 10 ** power).toPrecision(digits), scaled = scaled_unit(unit, power);
     return minus(`${String(Number(text))}${/^10./.test(scaled) ? " · " : scaled ? " " : ""}${scaled}`);
   };
 
-  // A machine's numbers in the units that are read off it; "" of those that are read as they are, or may have no unit.
+  // A value in practical units, such as Hz and rpm; "" if it is practical already or may have no unit.
   const also = (value, unit = "") => {
     if (unit === "rad/s" && value >= 2 * Math.PI) {
       const turns = value / (2 * Math.PI);
@@ -77,7 +77,7 @@ window.Plots = (() => {
 
     fit(x, y) { this.home = { x: [...x], y: [...y] }; this.reset(); }
 
-    // What is seen, as four numbers; nothing where all of it is.
+    // The visible ranges as four numbers; nothing if all is visible.
     get part() {
       const all = ["x", "y"].every((axis) => this.range[axis].every((end, k) => end === this.home[axis][k]));
       return all ? null : [...this.range.x, ...this.range.y];
@@ -85,7 +85,7 @@ window.Plots = (() => {
 
     show([left, right, low, high]) { this.range = { x: [left, right], y: [low, high] }; this.draw(); }
 
-    // ---- the person
+    // ---- user input
     listen() {
       const { canvas } = this;
       canvas.addEventListener("pointerdown", (event) => {
@@ -111,7 +111,7 @@ window.Plots = (() => {
       canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.zoom(1.2 ** Math.sign(event.deltaY), this.at(event)); }, { passive: false });
     }
 
-    // Arrows move what is seen, + and − zoom, Home shows all; keys that the plot takes are not the page's.
+    // Arrows pan, + and − zoom, Home resets; keys handled by the plot do not reach the page.
     press(event) {
       const { key } = event, { x, y } = this.range, middle = { x: (x[0] + x[1]) / 2, y: (y[0] + y[1]) / 2 };
       const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[key];
@@ -167,7 +167,7 @@ window.Plots = (() => {
       return right >= 0 && right <= this.width && down >= 0 && down <= this.height;
     }
 
-    // A value in its unit, with as many digits as its axis tells apart.
+    // A value with its unit, with as many digits as its axis resolves.
     written(axis, value) {
       const [low, high] = this.range[axis], apart = Math.max(Math.abs(low), Math.abs(high)) / (high - low);
       const power = apart > 1e4 ? 0 : power_of(Math.max(Math.abs(low), Math.abs(high)));  // as its ticks
@@ -282,7 +282,7 @@ window.Plots = (() => {
       pen.fill();
     }
 
-    // Small triangles that point down at places.
+    // Small triangles that point down at positions.
     marks(x, y, color) {
       const { pen } = this;
       Object.assign(pen, { fillStyle: color, strokeStyle: LOOK.paper, lineWidth: 1 });
@@ -290,7 +290,7 @@ window.Plots = (() => {
       let last = -Infinity;
       for (let k = 0; k < x.length; k++) {
         const a = this.px(x[k]), b = this.py(y[k]);
-        if (Number.isNaN(b) || a - last < 2 || a < this.left - 4 || a > this.left + this.width + 4) continue;  // a chatter has thousands
+        if (Number.isNaN(b) || a - last < 2 || a < this.left - 4 || a > this.left + this.width + 4) continue;  // a chatter has thousands of them
         pen.moveTo(a - 4, b - 3); pen.lineTo(a + 4, b - 3); pen.lineTo(a, b + 4); pen.lineTo(a - 4, b - 3);
         last = a;
       }
@@ -331,7 +331,7 @@ window.Plots = (() => {
       pen.stroke();
     }
 
-    // What lies behind a stop: above it in time, right of it in the plane of states; of one on the other side (-1) the rest.
+    // The region behind a stop: above it over time, right of it in phase plots; for a stop on the other side (-1), the opposite.
     stop(gap, across, side = 1) {
       const { pen } = this, at = across ? this.py(gap) : this.px(gap), higher = (side > 0) !== across;
       const ends = across ? [this.top, this.top + this.height] : [this.left, this.left + this.width];
@@ -354,7 +354,7 @@ window.Plots = (() => {
     }
   }
 
-  // pixels beside the plane and beside the diagram below it, whose axes stand over each other
+  // margins in pixels of the plane and the diagram below it, whose x axes are aligned
   const MARGINS = [62, 66];
 
   return { Plot, LOOK, MARGINS, UNIT, also, draws, minus, quantity, power_of, redraw };

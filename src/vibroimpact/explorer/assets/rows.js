@@ -1,8 +1,8 @@
 // The parameters: a field and a slider for each.
 window.Rows = (() => {
   "use strict";
-  const STEPS = 500;  // of a slider
-  const LEAST = 9;  // characters for which a field has room
+  const STEPS = 500;  // steps of a slider
+  const LEAST = 9;  // least width of a field in characters
   const { UNIT, also, minus } = window.Plots;
   let report = () => -1;
 
@@ -21,11 +21,11 @@ window.Rows = (() => {
       for (const end of ["pointerup", "pointercancel", "blur"]) slider.addEventListener(end, () => { this.held = false; this.place(); });
       field.addEventListener("input", () => { this.typing = field.value !== this.text; this.fit(); });
       field.addEventListener("change", () => { this.typing = false; this.sent = report(`type ${name} ${field.value.trim()}`); });
-      field.addEventListener("blur", () => { if (this.typing) this.restore(); });  // what was typed and taken back is no change
+      field.addEventListener("blur", () => { if (this.typing) this.restore(); });  // typing without a change
       field.addEventListener("keydown", (event) => { if (event.key === "Escape") this.restore(); });
     }
 
-    // The slider counts steps, so that both ends can be reached.
+    // The slider counts steps, so that both ends are reachable.
     slid() {
       const [, low, high] = this.ends, share = Number(this.slider.value) / STEPS;
       if (share === 1) return high;
@@ -34,7 +34,7 @@ window.Rows = (() => {
 
     get text() { return minus(String(this.shown[0])); }
 
-    // A field has room for all that is in it.
+    // A field is as wide as its content.
     fit() { this.field.style.width = `calc(${Math.max(this.field.value.length, LEAST)}ch + 14px)`; }
 
     fill() { this.slider.style.setProperty("--share", this.slider.value / STEPS); }
@@ -47,7 +47,7 @@ window.Rows = (() => {
       this.place();
     }
 
-    // Below a hand a slider's ends stay where they are.
+    // While a slider is dragged, its ends do not change.
     place() {
       const [value, low, high] = this.shown, { slider } = this, label = this.box.querySelector("label");
       label.dataset.also = also(value, label.textContent.match(UNIT)[2]);
@@ -70,7 +70,7 @@ window.Rows = (() => {
     rows = Object.fromEntries(labels.map(([name, ...row]) => [name, new Row(name, ...row)]));
     document.getElementById("parameters").replaceChildren(...Object.values(rows).map(({ box }) => box));
   };
-  // The server may answer an older message than the last one sent: a slider must not jump back under the hand.
+  // The server may answer an older message than the last one sent: a slider must not jump back while in use.
   const take = (parts) => {
     for (const [part, { heard, labels, values }] of parts) {
       if (part !== "rows") continue;

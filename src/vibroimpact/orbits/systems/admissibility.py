@@ -1,4 +1,4 @@
-"""Whether a system can move along an orbit: the clearances and forces of all stops between its events."""
+"""Check that a system can move along an orbit: the clearances and forces of all stops between its events."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from vibroimpact.orbits.systems.cycle import Cycle, Leg
 from vibroimpact.orbits.systems.events import PUSH_AGAIN, Pushing
 from vibroimpact.orbits.systems.flow import Flow
 
-MOST_SAMPLES = 1 << 16  # in a leg
+MOST_SAMPLES = 1 << 16  # samples of one leg, at most
 TERMS = 14  # of a power series over one stride: 0.15^14/14! is below rounding
 BISECTIONS = 60
-RESOLVED = float(np.finfo(float).eps)  # of a step: how far from a minimum one may be, whose value is flat there
+RESOLVED = float(np.finfo(float).eps)  # of a step: accuracy of the place of a minimum, whose value is flat there
 
 
 def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
-    """Return why the system cannot move along this orbit; empty if it can.
+    """Return the reason why the system cannot move along this orbit; empty if it can.
 
-    Each leg is sampled every 0.15 rad of the fastest rate, and every minimum between samples of every clearance, and of
-    the force of every stop that pushes, is found by power series. One above -1e-12 of its size is none beyond; that of
-    a stop whose event the leg begins or ends with is 0 there, where the equations hold, whatever they leave of it.
+    Each leg is sampled every 0.15 rad of the fastest rate. Power series give every minimum between samples of every
+    clearance, and of the force of every pushing stop. A minimum above -1e-12 of its size does not count as penetration.
+    At the beginning and end of a leg, the value for the stop of that event is taken as 0, as the equations require.
     """
     flow, states = cycle.flow, cycle.states(unknown)
     speeds, angles, size = cycle.speeds(unknown), cycle.angles(unknown), np.abs(states[0]).max()
@@ -38,16 +38,16 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
             velocity = speed * flow.lengths[event.stop] * flow.omega
             return f"impact {number} would have velocity {velocity:.3g} m/s, away from {name!r}"
         if event.kind == PUSH_AGAIN and flow.clearance(event.stop, states[i], flow.drive(angles[i]))[0] > 0.0:
-            return f"after impact {number} {name!r} would push again before it is touched"
+            return f"after impact {number} {name!r} would push again before contact begins"
     for i, event in enumerate(cycle.events):
         leg, number = cycle.leg(unknown, i), sum(at <= i for at in cycle.impacts)
         turned = leg.duration * flow.phase(leg.pushing).fastest
         if turned > STRIDE * MOST_SAMPLES:
             turns = turned / TURN
-            return f"the flight after impact {number} takes {turns:.2g} periods of the fastest mode: it was not checked"
+            return f"the flight after impact {number} takes {turns:.2g} periods of the fastest mode and was not checked"
         after, drive = np.split(leg.start, [2 * flow.n])
         if flow.restitution[event.stop] == 0.0 and flow.clearance(event.stop, after, drive, leg.pushing)[2] < 0.0:
-            return f"after impact {number} it comes to rest at {names[event.stop]!r}"
+            return f"after impact {number} the system comes to rest at {names[event.stop]!r}"
         penetration = _first_beyond(*flown(cycle, unknown, i), event.stop, cycle.event_after(i).stop)
         if penetration is not None:
             angle, other, depth = penetration
@@ -55,14 +55,14 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
                 return f"the impact after impact {number} would strike {names[other]!r} at the same time"
             phase = (angles[i] + angle) / TURN % 1.0
             if other in leg.pushing:
-                return f"after impact {number} {names[other]!r} would let go earlier, at phase {phase:.6g}"
-            how = "touch {} before it is to, {:.3g} m deep" if flow.compliant[other] else "penetrate {}, by {:.3g} m"
+                return f"after impact {number} {names[other]!r} would lose its force earlier, at phase {phase:.6g}"
+            how = "touch {} too early, {:.3g} m deep" if flow.compliant[other] else "penetrate {}, by {:.3g} m"
             return f"after impact {number} it would {how.format(repr(names[other]), depth)} at phase {phase:.6g}"
     return ""
 
 
 def flown(cycle: Cycle, unknown: Floats, i: int) -> tuple[Leg, list[Course]]:
-    """Return leg i of an orbit, and the courses of the stops in it."""
+    """Return leg i of an orbit, and the `Course` of each stop in it."""
     latest = cycle.latest(unknown)
     if i not in latest:
         leg = cycle.leg(unknown, i)
@@ -72,9 +72,9 @@ def flown(cycle: Cycle, unknown: Floats, i: int) -> tuple[Leg, list[Course]]:
 
 
 def _first_beyond(leg: Leg, courses: list[Course], beginning: int, ending: int) -> tuple[float, int, float] | None:
-    """Return the first place where a leg gets beyond a stop, or pulls at one: angle since its begin, stop, depth.
+    """Return the first penetration of a stop, or pulling force, in a leg: angle since its begin, stop, depth.
 
-    A leg that ends on another stop than expected, too, has depth 0 there.
+    If another stop is reached at the end of the leg as well, the depth there is 0.
     """
     firsts, penetrations = [], []
     for course in courses:
@@ -95,10 +95,10 @@ def _first_beyond(leg: Leg, courses: list[Course], beginning: int, ending: int) 
 
 
 def nearest_of(cycle: Cycle, unknown: Floats) -> tuple[int, float, float, int, float]:
-    """Return the closest approach of an orbit to a stop, or to being let go, between events, and at the events.
+    """Return the closest approach of an orbit to a contact, or to the loss of one, between events and at events.
 
-    They are the leg, the driving angle and the clearance over its size (infinite where none has a minimum), the stop,
-    and the least clearance over its size at an event of another stop than its own.
+    The result holds the leg, the driving angle, the clearance over its size (infinite without a minimum) and the stop,
+    and then the least clearance over its size of any stop at an event of another stop.
     """
     nearest, beside = (0, math.nan, math.inf, 0), math.inf
     for i, angle in enumerate(unknown[: len(cycle.events)]):
@@ -112,9 +112,10 @@ def nearest_of(cycle: Cycle, unknown: Floats) -> tuple[int, float, float, int, f
 
 
 class Course(NamedTuple):
-    """What must stay above zero for a stop during a leg: samples, minima between them, and the clearance's size.
+    """The quantity that must stay positive for a stop during a leg: samples, minima between them, and its size.
 
-    It is the clearance over its length; for a stop that pushes, its force over stiffness and length.
+    The quantity is the clearance over the length of the stop's direction; for a pushing stop, its force over stiffness
+    and length.
     """
 
     stop: int
@@ -127,9 +128,9 @@ class Course(NamedTuple):
 
 
 def courses(leg: Leg, struck: int = -1) -> Iterator[Course]:
-    """Yield the course of each stop; of one `struck` at r = 0 its rise from rest is no minimum.
+    """Yield the course of each stop; the rise from rest at a stop just `struck` with r = 0 is no minimum.
 
-    A stop that has let go and is still pressed in, u < 0, stays away from what moves as long as its force would pull.
+    A compliant stop whose force has ended while u < 0 exerts no force as long as that force would pull.
     """
     flow, n, samples = leg.flow, 2 * leg.flow.n, sampled(leg)
     for stop, row in enumerate(clearances(flow, leg.pushing)):
@@ -156,10 +157,10 @@ def courses(leg: Leg, struck: int = -1) -> Iterator[Course]:
 
 
 class Samples(NamedTuple):
-    """States and drives at equal steps of a leg, at `angles` since its start.
+    """States and drives at equal steps of a leg, at `angles` from its beginning.
 
-    Those after every so many steps are the columns of `coarse`, and the matrices `fine` lead over 0, 1, ... steps on:
-    what is linear in them takes about as many products as samples, and none of all states.
+    The columns of `coarse` are the states after every so many steps; the matrices `fine` carry them on by 0, 1, ...
+    steps. Linear forms of all samples then cost about one product per sample, without computing each state.
     """
 
     angles: Floats
@@ -167,19 +168,19 @@ class Samples(NamedTuple):
     coarse: Floats
 
     def along(self, forms: Floats) -> Floats:
-        """Return linear forms of state and drive at all samples, a row for each."""
+        """Return linear forms of state and drive at all samples, one row per form."""
         rows = self.coarse.T @ (forms @ self.fine).transpose(1, 2, 0)
         return rows.reshape(len(forms), -1)[:, : len(self.angles)]
 
     def at(self, forms: Floats, which: Counts) -> Floats:
-        """Return linear forms of state and drive at some samples, a row for each."""
+        """Return linear forms of state and drive at some samples, one row per form."""
         block, step = np.divmod(which, len(self.fine))
         rows: Floats = ((forms @ self.fine)[step] @ self.coarse.T[block][..., None])[..., 0].T
         return rows
 
 
 def turning_points(series: Floats, samples: Samples, slopes: Floats) -> tuple[Floats, Floats]:
-    """Return the minima between samples of the power series of state and drive, and their values."""
+    """Return the minima between samples of linear forms given as power series, and their values."""
     turning = np.flatnonzero((slopes[:-1] < 0.0) & (slopes[1:] >= 0.0))
     offsets, lowest = _minima(samples.at(series, turning), float(samples.angles[1]))
     return samples.angles[turning] + offsets, lowest
@@ -217,16 +218,16 @@ def clearances(flow: Flow, pushing: Pushing) -> Floats:
 
 
 def pulls(row: Floats, lag: float) -> Floats:
-    """Return the series of (u + l u')/(1 + l), which is zero where the force is, from that of u."""
+    """Return the series of (u + l u')/(1 + l), which vanishes with the force, from the series of u."""
     rates = row[1:] * np.arange(1.0, len(row))[:, None]
     series: Floats = (row[:-1] + lag * rates) / (1.0 + lag)
     return series
 
 
 def _minima(series: Floats, step: float) -> tuple[Floats, Floats]:
-    """Return the places where slopes of power series pass zero upwards between 0 and a step, and the values there.
+    """Return the places between 0 and a step where slopes of power series rise through zero, and the values there.
 
-    Newton's method; where it leaves the interval in which the sign changes, that is halved.
+    By Newton's method; where it leaves the bracketing interval, the interval is halved.
     """
     low, high = np.zeros(series.shape[1]), np.full(series.shape[1], step)
     slopes = series[1:] * np.arange(1, len(series))[:, None]

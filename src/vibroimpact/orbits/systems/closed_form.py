@@ -1,21 +1,21 @@
-r"""All orbits with one impact in a cycle, or one in each half of a symmetric one, in closed form.
+r"""All orbits with one impact per cycle, or one per half cycle of a symmetric orbit, in closed form.
 
-At the driving angle of the impact, the state x just before it and its velocity v have to satisfy 2n + 2 linear
+The state x just before the impact and its velocity v must satisfy, at the driving angle of the impact, 2n + 2 linear
 equations: the cycle closes (s = 1, or s = -1 for a half cycle), v is the velocity, and the clearance is zero,
 
     (s - Phi) x + (1 + r) Phi [0; beta] v = Psi z,    v - beta . y' = -b',    beta . y = b.
 
 Their matrix L (2n + 2 rows, 2n + 1 columns) does not depend on the angle, and their right side C z is a trigonometric
-polynomial. They are compatible where l . C z = 0 with l the left null vector of L: one equation for the angle. All its
-roots are found, and then x and v follow. This holds for any number of harmonics, for moving stops, for free masses and
-for undamped modes in resonance, since neither a steady state nor (1 - Phi)^-1 is used; for one harmonic it is the
-quadratic of S. W. Shaw and P. J. Holmes, J. Sound Vib. 90 (1983) 129-155.
+polynomial of it. They have a solution where l . C z = 0, with l the left null vector of L: one equation for the angle.
+All its roots are found, and x and v follow from each. This holds for any number of harmonics, for moving stops, for
+free masses and for undamped modes in resonance, since neither a steady state nor (1 - Phi)^-1 is used; for one harmonic
+it is the quadratic of S. W. Shaw and P. J. Holmes, J. Sound Vib. 90 (1983) 129-155.
 
-Where L has a null vector of its own, a free motion of the cycle's length, which the stop does not feel, can be added
-to every solution: orbits are not isolated, or the force drives that motion and there are none.
+If L has a right null vector, a free motion that repeats after the cycle's length and does not move the stop's clearance
+can be added to every solution. Then orbits are not isolated, or the force drives that motion and there are none.
 
-Under a law r(v) each solution is one of the closed form at the r that the law gives for its velocity: a root of
-law(v(r)) - r along the solutions over r, bracketed between RATIOS values of it.
+Under a law r(v), each solution is a closed-form solution whose r is the value of the law at its own velocity: a root of
+law(v(r)) - r along the solutions over r, bracketed between RATIOS values of r.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ Curve = Callable[[float], float]
 EPS = float(np.finfo(np.float64).eps)
 VANISHED = 1e-13  # relative: rounding
 POLISHES = 60
-RATIOS = 65  # of a law, at which solutions are compared; more cost 1 ms each
+RATIOS = 65  # values of r compared under a law, about 1 ms each
 
 
 def one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
-    """Return all orbits with the one impact of a cycle, as its unknowns, by their phases, and why there are none."""
+    """Return all orbits with the one impact of a cycle, sorted by phase, and the reason if there are none."""
     flow, ((stop, _),) = cycle.flow, cycle.events
     constant = flow.elements[stop].ratio is not None
     unknowns, why = _at_ratio(cycle, float(flow.restitution[stop])) if constant else _at_all_ratios(cycle)
@@ -67,7 +67,7 @@ def _nearest(unknowns: list[Floats], angle: float) -> Floats | None:
 
 
 def _beyond(cycle: Cycle, r: float, unknown: Floats) -> float:
-    """Return the restitution that the law gives for the velocity of a solution, less the one that it was found at."""
+    """Return the restitution that the law gives for a solution's velocity, minus the restitution assumed."""
     flow, ((stop, _),) = cycle.flow, cycle.events
     rate = flow.clearance(stop, unknown[1:], flow.drive(unknown[0]))[1]
     return flow.rebound(stop, rate)[0] - r
@@ -101,7 +101,7 @@ def _at_ratio(cycle: Cycle, r: float) -> tuple[list[Floats], str]:
     if rank < matrix.shape[1]:
         if unforced(cycle) and flow.damping.any():
             return [], nowhere(cycle)
-        driven = np.linalg.svd(nulls, compute_uv=False)[1:] > negligible  # more than one condition on the phase
+        driven = np.linalg.svd(nulls, compute_uv=False)[1:] > negligible  # two conditions on the phase
         return [], not_isolated(cycle, right[rank], bool(driven.any()))
     solution = right.T @ ((left[:, :rank].T / sizes[:, None]) @ sides)
     if np.abs(nulls).max() <= negligible:
@@ -132,7 +132,7 @@ def _equations(cycle: Cycle, stop: int, r: float) -> tuple[Floats, Floats]:
 
 
 def roots(orders: Floats, coefficients: Floats) -> list[float]:
-    """Return all angles in [0, 2 pi) at which a trigonometric polynomial is zero, double ones once.
+    """Return all zeros of a trigonometric polynomial in [0, 2 pi), double zeros once.
 
     `coefficients` are the constant, then those of sin h t, then those of cos h t over the `orders` h. Between the
     angles of all complex zeros of its derivative the polynomial is monotone and changes sign at most once.
@@ -164,7 +164,7 @@ def roots(orders: Floats, coefficients: Floats) -> list[float]:
         if not (touching[i] or touching[(i + 1) % len(ends)]) and (begin < 0.0) != (end < 0.0):
             zeros.append(_between(value, slope, float(low), float(high), begin < 0.0) % TURN)
 
-    def same(low: float, high: float) -> bool:  # of a double zero, with nothing but rounding between them
+    def same(low: float, high: float) -> bool:  # two values at a double zero that differ only by rounding
         return high - low < 0.1 / float(orders.max(initial=1.0)) and abs(value(0.5 * (low + high))) <= 8.0 * EPS * size
 
     kept: list[float] = []
@@ -209,7 +209,7 @@ def _what(cycle: Cycle) -> str:
 
 
 def not_isolated(cycle: Cycle, null: Floats, driven: bool) -> str:
-    """Return the free motion that can be added, a state and a velocity, and whether the force drives it."""
+    """Return why orbits are not isolated, or do not exist, when a free motion can be added to each."""
     flow, x = cycle.flow, null[:-1]
     if abs(null[-1]) > 1e-8:
         if driven:
@@ -217,15 +217,15 @@ def not_isolated(cycle: Cycle, null: Floats, driven: bool) -> str:
         return "without loss: impacts of any velocity repeat, so orbits are not isolated"
     drifting = float(np.linalg.norm(flow.phase().matrix @ x)) <= 1e-8 * float(np.linalg.norm(x))
     if drifting:
-        free = "a free mass or rigid-body motion, which the stop does not feel,"
+        free = "a free mass or rigid-body motion, which does not change the clearance of the stop,"
         return f"{free} {'is driven away by the load' if driven else 'can be anywhere: orbits are not isolated'}"
-    free = f"an undamped motion returns to itself after {_what(cycle)}, and the stop does not feel it"
+    free = f"an undamped motion returns to itself after {_what(cycle)}, without moving the stop's clearance"
     return f"{free}: {'the force drives it without bound' if driven else 'orbits are not isolated'}"
 
 
 def _at_any_phase(cycle: Cycle, hits: bool) -> str:
     if hits:
-        return "nothing sets the phase: the motion repeats from any time on, so orbits are not isolated"
+        return "the phase is not determined: the motion can be shifted in time, so orbits are not isolated"
     return (
         f"the force does no work over {_what(cycle)}, which {'are' if cycle.n_periods > 1 else 'is'} a whole number of "
         "periods of an undamped motion, and cannot make up for the loss at impact"
@@ -233,12 +233,12 @@ def _at_any_phase(cycle: Cycle, hits: bool) -> str:
 
 
 def nowhere(cycle: Cycle) -> str:
-    """Return why there are none, where nothing else says so."""
+    """Return the default reason why there are no orbits."""
     if unforced(cycle):
         return UNFORCED
     return f"no velocity > 0 returns to itself after {_what(cycle)}"
 
 
 def unforced(cycle: Cycle) -> bool:
-    """Return whether neither the load nor a stop changes over a driving period."""
+    """Return whether the load and all stops are constant over a driving period."""
     return not (cycle.flow.push[:, 1:].any() or cycle.flow.bounds[:, 1:].any())

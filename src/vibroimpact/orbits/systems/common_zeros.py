@@ -2,18 +2,18 @@ r"""All common zeros of two trigonometric polynomials whose coefficients are smo
 
     F_i(tau, theta) = sum_h a_ih(tau) z_h(theta) = 0,    z = (1, sin h theta, ..., cos h theta, ...),    i = 1, 2.
 
-The coefficients are interpolated at Chebyshev points of intervals, which are halved until the last terms of the series
-have fallen to `RESOLVED` of the largest: they estimate what is left out (J. P. Boyd, Chebyshev and Fourier Spectral
-Methods, Dover (2001), section 2.12). Then rectangles of duration and angle are quartered. With F and its derivatives J
-in the middle of a rectangle of half sides 1, and bounds R of what the second derivatives and the rest of the series
-add,
+The coefficients are interpolated at Chebyshev points of intervals. An interval is halved until the last terms of its
+series have fallen to `RESOLVED` of the largest; these terms estimate the truncation error (J. P. Boyd, Chebyshev and
+Fourier Spectral Methods, Dover (2001), section 2.12). Then rectangles of duration and angle are halved along one side
+at a time. Scale a rectangle to half sides 1; let F and J be the values and derivatives at its centre, and R bounds of
+the second-order terms and of the truncation error. Then
 
-    |F_i| > |J_i1| + |J_i2| + R_i,  or  |J^-1 F|_i > 1 + (|J^-1| R)_i:    it holds no zero,
-    (|J^-1| R)_1 < 1/2 and (|J^-1| R)_2 < 1/2:                            it holds one at most.
+    |F_i| > |J_i1| + |J_i2| + R_i,  or  |J^-1 F|_i > 1 + (|J^-1| R)_i:    it contains no zero, (|J^-1| R)_1 < 1/2 and
+    (|J^-1| R)_2 < 1/2:                            it contains at most one.
 
-So the number of zeros cannot change unseen, except in rectangles of which neither is known after `HALVINGS` of both
-sides: there two zeros are nearer to each other than that, and Newton's method is left to find them. The halved side is
-that along which the second derivatives add more.
+So no zero is missed, except perhaps in rectangles where neither test succeeds after `HALVINGS` of both sides: two zeros
+may be closer together than such a rectangle, and Newton's method must find them. The side halved is the one along which
+the second-order terms are larger.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ Coefficients = Callable[[Floats, float], Floats]
 
 DEGREE = 16  # of the series
 RESOLVED = 1e-9
-FEWEST_INTERVALS, MOST_INTERVALS = 4, 128  # of one length; of more, those of longer durations are left out
+FEWEST_INTERVALS, MOST_INTERVALS = 4, 128  # intervals, at most; beyond that, longer durations are left out
 SMOOTH = 0.1  # the last terms fall to less where an interval is halved, unless they are rounding,
 ROUNDED = 1e-6  # which they are at most that part of the largest to be
 SHORTEST = 2.0**-40  # of the length: shorter intervals hold nothing but rounding
 SECTORS = 8  # rectangles a turn of the highest order
 HALVINGS = 12
-RECTANGLES, CROWD = 1 << 13, 1 << 8  # at most, and in one interval; where there are more, Newton's method begins in all
-STEPS = 12  # of Newton's method: between two zeros that nearly touch each step halves the distance
-ARRIVED = 1e-6  # of a rectangle's side: the last step is shorter
+RECTANGLES, CROWD = 1 << 13, 1 << 8  # limits in all and per interval; beyond, Newton's method
+STEPS = 12  # Newton steps: near a double zero each step only halves the error
+ARRIVED = 1e-6  # of a rectangle's side: convergence test of a Newton step
 
 NODES = -np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
 TO_TERMS = np.linalg.inv(chebyshev.chebvander(NODES, DEGREE))
@@ -48,7 +48,7 @@ SLOPES, BENDS = (chebyshev.chebder(np.eye(DEGREE + 1), order) for order in (1, 2
 
 
 class Zeros(NamedTuple):
-    """Common zeros, and between which durations others may have been missed; None if there are no such durations."""
+    """Common zeros, and the interval of durations in which others may have been missed; None if there is none."""
 
     durations: Floats
     angles: Floats
@@ -65,7 +65,7 @@ class Series(NamedTuple):
 
 
 class Rectangles(NamedTuple):
-    """Rectangles: their intervals, their middles (places in the intervals, -1 to 1, and angles), and half sides."""
+    """Rectangles: their intervals, centres (places in the intervals, -1 to 1, and angles), and half sides."""
 
     intervals: NDArray[np.intp]
     places: Floats
@@ -74,12 +74,12 @@ class Rectangles(NamedTuple):
     wides: Floats
 
     def of(self, chosen: NDArray[np.bool_]) -> Rectangles:
-        """Return some of them."""
+        """Return a selection of the rectangles."""
         intervals, *rest = self
         return Rectangles(intervals[chosen], *(column[chosen] for column in rest))
 
     def halved(self, along: NDArray[np.bool_]) -> Rectangles:
-        """Return the two halves of each, cut at a place where `along`, else at an angle."""
+        """Return the two halves of each, cut along the duration where `along`, else along the angle."""
         halves, wides = np.where(along, 0.5, 1.0) * self.halves, np.where(along, 1.0, 0.5) * self.wides
         offset, turn = np.where(along, halves, 0.0), np.where(along, 0.0, wides)
         low = Rectangles(self.intervals, self.places - offset, self.angles - turn, halves, wides)
@@ -94,8 +94,8 @@ def _joined(parts: Sequence[Rectangles]) -> Rectangles:
 def common_zeros(coefficients: Coefficients, length: float, orders: Floats) -> Zeros:
     """Return all common zeros between the durations 0 and `length`.
 
-    `coefficients` returns those at the Chebyshev points of intervals that begin at some durations and are of one width,
-    by interval, point, function and z.
+    `coefficients` returns the coefficients at the Chebyshev points of intervals of one width, given where they begin,
+    indexed by interval, point, function and z.
     """
     series, ends = _interpolated(coefficients, length)
     number, sectors = len(series.middles), SECTORS * int(orders.max(initial=1.0))
@@ -120,7 +120,7 @@ def common_zeros(coefficients: Coefficients, length: float, orders: Floats) -> Z
 
 
 def _interpolated(coefficients: Coefficients, length: float) -> tuple[Series, Floats]:
-    """Return the series of coefficients between 0 and a length, and the ends of intervals that are left out."""
+    """Return the series of the coefficients between 0 and a length, and the ends of the intervals left out."""
     width, pieces, unresolved = length / FEWEST_INTERVALS, [], np.array([])
     lows, before = width * np.arange(float(FEWEST_INTERVALS)), np.full((FEWEST_INTERVALS, 2), np.inf)
     while len(lows):
@@ -140,7 +140,7 @@ def _interpolated(coefficients: Coefficients, length: float) -> tuple[Series, Fl
 
 
 def _second(series: Series, orders: Floats) -> list[Floats]:
-    """Return bounds of the second derivatives in each interval: by place, by both, by angle."""
+    """Return bounds of the second derivatives in each interval: place-place, place-angle, angle-angle."""
     turns = np.concatenate([[0.0], orders, orders])
     every = series.terms, SLOPES @ series.terms, BENDS @ series.terms
     values, slopes, bends = (np.abs(terms).sum(axis=2) for terms in every)
@@ -148,7 +148,7 @@ def _second(series: Series, orders: Floats) -> list[Floats]:
 
 
 def _values(series: Series, orders: Floats, at: Rectangles) -> tuple[Floats, Floats]:
-    """Return both functions in the middles of rectangles, and their derivatives by place and angle."""
+    """Return both functions at the centres of rectangles, and their derivatives with respect to place and angle."""
     powers = chebyshev.chebvander(at.places, DEGREE)
     weights = np.stack([powers, powers[:, :-1] @ SLOPES], axis=1)
     number, size = len(at.places), series.terms.shape[-1]
@@ -163,7 +163,7 @@ def _values(series: Series, orders: Floats, at: Rectangles) -> tuple[Floats, Flo
 
 
 def _inverse(slopes: Floats) -> Floats:
-    """Return the inverses of matrices of two rows, infinite or NaN where there is none."""
+    """Return the inverses of 2 x 2 matrices, infinite or NaN where there is none."""
     (a, b), (c, d) = slopes[:, 0].T, slopes[:, 1].T
     with np.errstate(divide="ignore", invalid="ignore"):
         inverses: Floats = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
@@ -173,7 +173,7 @@ def _inverse(slopes: Floats) -> Floats:
 def _tested(
     series: Series, orders: Floats, second: list[Floats], rectangles: Rectangles
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which rectangles may hold a zero, which of these hold one at most, and which bend more by the place."""
+    """Return which rectangles may contain a zero, which of these at most one, and which to halve by duration."""
     half, wide = rectangles.halves[:, None], rectangles.wides[:, None]
     values, slopes = _values(series, orders, rectangles)
     slopes = slopes * np.stack([half, wide], axis=2)

@@ -1,4 +1,4 @@
-"""What the impacts of a cycle do to the stops: impulses, and of compliant stops forces, depths and losses."""
+"""Effects of the impacts of a cycle on the stops: impulses, and on compliant stops forces, depths and losses."""
 
 from __future__ import annotations
 
@@ -17,9 +17,7 @@ NODES = 8  # of Gauss-Legendre quadrature over one stride of the samples: exact 
 
 
 class Contact(NamedTuple):
-    """One impact: its impulse (N s), and of a compliant stop for how long it pushes (s), how hard (N), how deep it is
-    pressed in (m) and the energy that it takes (J), else NaN.
-    """
+    """One impact: impulse (N s); contact time (s), peak force (N), penetration (m), loss (J), NaN on rigid stops."""
 
     impulse: float
     contact_time: float = math.nan
@@ -67,7 +65,7 @@ def _on_compliant(cycle: Cycle, unknown: Floats, at: int) -> Contact:
 
 
 def _legs(cycle: Cycle, unknown: Floats, at: int) -> Iterator[tuple[int, Leg]]:
-    """Yield the legs from an impact to the next one on the same stop, and the stop, which is mirrored in the mirror."""
+    """Yield the legs from an impact to the next on the same stop, and the stop (its image in the mirrored half)."""
     p, stop = len(cycle.events), cycle.events[at].stop
     for i in range(at, at + p):
         if i == p and cycle.images:

@@ -1,25 +1,26 @@
 r"""The equations of an orbit with given events, for Newton's method, and its stability.
 
-Unknown are the driving angles theta_1 ... theta_p of the events of one cycle, of stops that are given, and the state
-x_1 just before the first, an impact. From there flights, contacts and impacts give the states x_i before the others and
-x_{p+1} after a cycle of length Theta, at theta_1 + Theta. An orbit has
+The unknowns are the driving angles theta_1 ... theta_p of the events of one cycle, on given stops, and the state x_1
+just before the first event, an impact. From it, flights, contacts and impacts give the states x_i before the other
+events and x_{p+1} after a cycle of length Theta, at theta_1 + Theta. An orbit satisfies
 
     x_{p+1} = s x_1,    level of the event = 0 at theta_1 ... theta_p,
 
-with Theta = 2 pi n and s = 1. The level is the clearance where contact begins, and the force over the stiffness where a
-compliant stop lets go or pushes again. In a symmetric system, where with q(t) also -q(t + T/2) is a motion, there are
-orbits that are mirrored after half their length: Theta = pi n, n odd, and s = -1, with the events of half a cycle.
+with Theta = 2 pi n and s = 1. The level is the clearance where contact begins, and the force over the stiffness where
+the force of a compliant stop ends or begins again. In a symmetric system, -q(t + T/2) is a motion whenever q(t) is one.
+Some orbits are then their own mirror image half a cycle later: Theta = pi n, n odd, and s = -1, with the events of half
+a cycle.
 
 The derivatives are exact: with x' just before (-) and after (+) an event, and Gamma and k the derivatives of the state
 after it by the state before it and by time (1 and 0 but for impacts on rigid stops),
 
     dx_{i+1} = Phi_i (Gamma_i dx_i + (k_i - x'_i+) dtheta_i) + x'_{i+1}- dtheta_{i+1}.
 
-Multipliers are those of the product of flows and saltation matrices; for a mirrored half cycle times s.
+The multipliers are the eigenvalues of the product of flows and saltation matrices, times s for a mirrored half cycle.
 
-Nothing depends on the place of a free centre, and mostly not on its drift: their multipliers (1, where no drag brakes
-it) are left out. The equations take of its closure what can be closed, which ends a drift that nothing drives, and put
-the centre to zero where it can be anywhere.
+Nothing depends on the position of a free centre of mass, and mostly not on its drift; their multipliers (1 without
+drag) are left out. Its closure equations are kept as far as they can be solved, which excludes an undriven drift, and
+an undetermined position is set to zero.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ from vibroimpact.orbits.systems.flow import Flow
 
 
 class Leg(NamedTuple):
-    """A part of a motion between two events: its state and drive just after the first, and the stops that push."""
+    """The motion between two events: state and drive just after the first, and the stops that push."""
 
     flow: Flow
     start: Floats
@@ -55,9 +56,9 @@ class Leg(NamedTuple):
 class Cycle:
     """The events of one cycle, or of half of one that is mirrored, and its equations.
 
-    `events` follow one another, and the stops `pushing` push just before the first; `images` of all stops in the mirror
-    make it half of a cycle of `n_periods`. The unknown is an array of p angles and 2n numbers of the state before the
-    first event.
+    `events` are in the order of time, and the stops `pushing` push just before the first. With the mirror `images` of
+    all stops it is half of a cycle of `n_periods`. The unknown is an array of p angles and the 2n numbers of the state
+    before the first event.
     """
 
     flow: Flow
@@ -68,7 +69,7 @@ class Cycle:
 
     @property
     def sign(self) -> float:
-        """What the state is multiplied by over the cycle."""
+        """Factor of the state over the cycle: 1, or -1 for a mirrored half cycle."""
         return -1.0 if self.images else 1.0
 
     @property
@@ -78,7 +79,7 @@ class Cycle:
 
     @property
     def impacts(self) -> list[int]:
-        """Which events are impacts."""
+        """The indices of the events that are impacts."""
         return [at for at, event in enumerate(self.events) if event.kind in (IMPACT, GRAZE)]
 
     @property
@@ -96,7 +97,7 @@ class Cycle:
 
     @property
     def fastest(self) -> float:
-        """The largest rate, per unit of the driving angle, at which anything changes in the cycle."""
+        """The fastest rate in the cycle, per unit of the driving angle."""
         return max(self.flow.phase(pushing).fastest for pushing in self.phases)
 
     @cached_property
@@ -114,7 +115,7 @@ class Cycle:
         return np.append(unknown[:p], unknown[0] + self.length)
 
     def whole(self, unknown: Floats) -> tuple[Cycle, Floats]:
-        """Return the cycle that this is half of, and its unknown."""
+        """Return the whole cycle of a half cycle, and its unknown."""
         p = len(self.events)
         cycle = replace(self, events=self.events + self.next_events, images=())
         return cycle, np.concatenate([unknown[:p], unknown[:p] + self.length, unknown[p:]])
@@ -131,7 +132,7 @@ class Cycle:
         return {}
 
     def latest(self, unknown: Floats) -> dict[Any, Any]:
-        """Return what is computed already of an unknown, to be read and added to: only of the latest one."""
+        """Return the cache of results for an unknown; only the latest unknown is cached."""
         content = unknown.tobytes()
         if self._latest.get("unknown") != content:
             self._latest.clear()
@@ -162,9 +163,9 @@ class Cycle:
         return Leg(self.flow, np.append(after, drive), float(angles[i + 1] - angles[i]), self.phases[i + 1])
 
     def speeds(self, unknown: Floats) -> Floats:
-        """Return the velocities at the events over the lengths of their stops' directions, by the driving angle.
+        """Return the rates at the events per unit of driving angle, divided by the lengths of their stops' directions.
 
-        Those of events that are no impacts are infinite.
+        They are infinite at events that are no impacts.
         """
         flow, states = self.flow, self.states(unknown)
         speeds = np.full(len(self.events), math.inf)
@@ -180,7 +181,7 @@ class Cycle:
     def solve(self, start: Floats) -> Solved:
         """Return the solution that Newton's method reaches."""
         unknown, p = np.array(start, dtype=float), len(self.events)
-        unknown[p:][self.flow.neutral] = 0.0  # where a free centre is must not set the size
+        unknown[p:][self.flow.neutral] = 0.0  # the position of a free centre must not set the scale
         size = float(np.abs(unknown[p:]).max()) or 1.0
         rates = [self.flow.phase(pushing).fastest for pushing in self.phases]
         angles = [self.flow.phase().fastest / max(pair) for pair in pairwise(rates)]  # 1 where no stop is compliant
@@ -192,7 +193,7 @@ class Cycle:
         return bool((np.diff(self.angles(unknown)) > 0.0).all())
 
     def misses(self, unknown: Floats) -> Floats:
-        """Return the levels at the events, then by how much the cycle is open."""
+        """Return the residuals: the levels at the events, then the closure error of the cycle."""
         p, states, drives = len(self.events), self.states(unknown), self.flow.drive(self.angles(unknown))
         levels = [self.flow.level(*at)[0] for at in zip(self.events, states, drives, strict=False)]
         closure = states[-1] - self.sign * unknown[p:]
@@ -201,11 +202,11 @@ class Cycle:
         return np.concatenate([levels, closure])
 
     def linearised(self, unknown: Floats) -> tuple[Floats, Floats]:
-        """Return the misses and their derivative."""
+        """Return the residuals and their derivative."""
         return self.misses(unknown), self.derivative(unknown)
 
     def derivative(self, unknown: Floats) -> Floats:
-        """Return the derivative of the misses."""
+        """Return the derivative of the residuals."""
         flow, p, n = self.flow, len(self.events), self.flow.n
         angles, states = self.angles(unknown), self.states(unknown)
         drives = flow.drive(angles)
@@ -233,16 +234,16 @@ class Cycle:
 
     @cached_property
     def _pin(self) -> tuple[Floats, Floats]:
-        """What can be closed of a free centre, as combinations of its equations, and what of its state is put to 0."""
+        """Solvable combinations of a free centre's closure equations, and the combinations of its state set to 0."""
         drift = self.flow.drift(self.length)
         left, sizes, right = np.linalg.svd(drift - self.sign * np.eye(len(drift)))
         closes = (sizes > len(drift) * ROUNDING * sizes.max(initial=0.0))[:, None]
         return np.where(closes, left.T, 0.0), np.where(closes, 0.0, right)
 
     def pinned(self, closures: Floats, states: Floats) -> Floats:
-        """Return the equations that close the cycle, a row each, those of a free centre made solvable.
+        """Return the closure equations of the cycle, one per row, with those of a free centre made solvable.
 
-        `states` are the same columns of the equations that put the state to zero.
+        `states` holds the same columns of the equations that set the state to zero.
         """
         centre = self.flow.centre
         if len(centre):
@@ -252,7 +253,7 @@ class Cycle:
         return closures
 
     def monodromy(self, unknown: Floats) -> Floats:
-        """Return the Jacobian of the cycle from just before its first event, in scaled modes, beside a free centre."""
+        """Return the Jacobian of the cycle from just before its first event, in scaled modes, without a free centre."""
         flow, angles = self.flow, self.angles(unknown)
         jacobian: Floats = self.sign * np.eye(2 * flow.n)
         for i, (event, x) in enumerate(zip(self.events, self.states(unknown), strict=False)):
@@ -265,7 +266,7 @@ class Cycle:
         return multipliers_of(self.monodromy(unknown))
 
     def neutral(self) -> tuple[complex, ...]:
-        """Return those of a free centre, which are left out."""
+        """Return the multipliers of a free centre, which `multipliers` leaves out."""
         return multipliers_of(self.sign * self.flow.drift(self.length))
 
 

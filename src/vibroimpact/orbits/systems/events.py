@@ -1,4 +1,4 @@
-"""What happens to the stops in a cycle: they are struck or touched, let go, and push again."""
+"""Events of the stops in a cycle: impact, end of the force ("let go"), renewed force ("push again")."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ Pushing = tuple[int, ...]  # the stops that push, ascending
 class Event(NamedTuple):
     """An event of one stop.
 
-    An impact is where its clearance falls to zero: a rigid stop is struck, contact with a compliant one begins. That
-    one lets go where its force has fallen to zero; while it is still pressed in, it may push again. A graze is an
-    impact of velocity 0 on it.
+    At an impact the clearance falls to zero: a rigid stop is struck, or contact with a compliant stop begins. A
+    compliant stop lets go when its force has fallen to zero; while it is still pressed in, it may push again. A graze
+    is an impact of velocity 0 on a compliant stop.
     """
 
     stop: int
     kind: str = IMPACT
 
     def then(self, pushing: Pushing, compliant: Sequence[bool]) -> Pushing:
-        """Return which stops push after the event, of those that pushed before."""
+        """Return the stops that push after the event, given those that pushed before."""
         if not compliant[self.stop] or self.kind == GRAZE:
             return pushing
         others = {stop for stop in pushing if stop != self.stop}
         return tuple(sorted(others if self.kind == LET_GO else {*others, self.stop}))
 
     def in_mirror(self, images: Sequence[int]) -> Event:
-        """Return the event of the stop that this one becomes in the mirror."""
+        """Return the mirror image of the event, on the stop's image."""
         return self._replace(stop=images[self.stop])
 
 

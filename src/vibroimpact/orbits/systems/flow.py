@@ -1,23 +1,23 @@
-r"""The free flight of a system, and what an impact does to it, without an infinite term at any damping and resonance.
+r"""The free flight of a system and its impacts, in a form without infinite terms at any damping and resonance.
 
 Time is the driving angle, theta = w t. The state x = (sigma y, y') holds the mass-normalised modes y and their rates
-by theta, with sigma = max(Omega/w, 1), so that both parts of a mode are of one size. Load and stops are linear in the
-drive z = (1, sin h theta, ..., cos h theta, ...) over all orders h:
+with respect to theta, with sigma = max(Omega/w, 1), so that both parts of a mode have the same magnitude. Load and
+stops are linear in the drive z = (1, sin h theta, ..., cos h theta, ...) over all orders h:
 
     x' = A x + F z,    z' = W z,    b - beta . y = clearance,    b = bounds z,
 
-where each clearance is divided by the length of its direction in modes, sqrt(a . M^-1 a), so that |beta| = 1. Then
-an impact of restitution r turns y' to y' - (1 + r) v beta, with v = beta . y' - b' its velocity. Where r is a law of v,
-derivatives take R = d(r v)/dv in its place.
+where each clearance is divided by the length of its stop's direction in modal coordinates, sqrt(a . M^-1 a), so that
+|beta| = 1. Then an impact of restitution r changes y' to y' - (1 + r) v beta, where v = beta . y' - b' is its velocity.
+If r is a law of v, derivatives contain R = d(r v)/dv in its place.
 
 Over a flight of length tau the state becomes x(tau) = Phi x(0) + Psi z(0). Both are blocks of one matrix exponential
-(C. F. Van Loan, IEEE Trans. Automat. Control 23 (1978) 395-404): no steady state is used, which a free mass or an
-undamped mode in resonance would not have.
+(C. F. Van Loan, IEEE Trans. Automat. Control 23 (1978) 395-404): no steady state is used, since a free mass or an
+undamped mode in resonance has none.
 
-While compliant stops push, each adds (k u + c u') beta to y'', with k and c over the length squared in the units of
-angle: A and F are others. The exponential is then taken in coordinates whose first ones are the directions of these
-stops, the stiffest first, each displacement times its own rate: there a stop of any stiffness leaves the others' terms
-unrounded, and the exponent is as large as the fastest rate, not as its square.
+Each pushing compliant stop adds (k u + c u') beta to y'', with k and c divided by the length squared and in units of
+angle, which changes A and F. The exponential is then computed in coordinates that begin with the directions of these
+stops, the stiffest first, each displacement multiplied by its own rate. In these coordinates a stiff stop does not
+round the terms of the others, and the exponent is as large as the fastest rate, not as its square.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event, Pushing
 
 TERMS = 18  # 1/19! is below rounding
-KEPT = 64  # flights that are remembered: those of a cycle, while its equations are differentiated and its orbit made
+KEPT = 64  # flights cached: those of one cycle, while its equations are differentiated and its orbit is built
 
 
 def growth(matrix: Floats) -> Floats:
-    """Return exp(`matrix`) - 1 of one or many, accurate where that is small: a Taylor series, squared as is needed."""
+    """Return exp(`matrix`) - 1 of one matrix or many, also accurate if small: scaled and squared Taylor series."""
     size = float(np.abs(matrix).sum(axis=-2).max(initial=0.0))
     squarings = max(0, math.frexp(size)[1])
     part = matrix * 0.5**squarings
@@ -50,9 +50,9 @@ def growth(matrix: Floats) -> Floats:
 
 
 class Phase(NamedTuple):
-    """The law x' = matrix x + load z while some stops push, and that of turned x and z over `sizes`, for exponentials.
+    """The law x' = matrix x + load z while some stops push, and the same law in scaled coordinates for exponentials.
 
-    `fastest` is the largest rate, per unit of the driving angle, at which anything changes.
+    `fastest` is the fastest rate, per unit of the driving angle.
     """
 
     matrix: Floats
@@ -73,7 +73,7 @@ class Flow:
         self.compliant = np.array([not stop.element.instantaneous for stop in system.stops], bool)
         self.elements = [stop.element for stop in system.stops]
         roots, self.orders = np.sqrt(form.masses), form.orders.astype(float)
-        self.neutral: Any = form.neutral.ravel()  # of the state: the place and the drift of a free centre
+        self.neutral: Any = form.neutral.ravel()  # components of the state: position and drift of a free centre
         self.centre = np.flatnonzero(self.neutral)
         self.rates = np.sqrt(form.squares) / self.omega
         self.units = np.maximum(self.rates, 1.0)
@@ -97,7 +97,7 @@ class Flow:
         self._flights: dict[tuple[float, Pushing], tuple[Floats, Floats]] = {}
 
     def drive(self, angle: float | Floats) -> Floats:
-        """Return z at a driving angle, or a row for each of many."""
+        """Return z at a driving angle, or one row per angle."""
         turned = np.multiply.outer(angle, self.orders)
         return np.concatenate([np.ones((*turned.shape[:-1], 1)), np.sin(turned), np.cos(turned)], axis=-1)
 
@@ -129,7 +129,7 @@ class Flow:
         return Phase(back @ matrix @ turned, back @ load, whole, sizes, fastest, turned, back)
 
     def _whole(self, matrix: Floats, load: Floats) -> tuple[Floats, Floats]:
-        """Return the law of state and drive as one matrix, and the sizes that the drive is divided by in it."""
+        """Return the law of state and drive as one matrix, and the scales by which the drive is divided in it."""
         sizes = np.linalg.norm(load, axis=0)
         pairs = np.hypot(*sizes[1:].reshape(2, -1))  # sine and cosine of one order have one scale
         sizes = np.concatenate([sizes[:1], pairs, pairs])
@@ -156,12 +156,12 @@ class Flow:
         return phase.back @ moved @ phase.turned, phase.back @ driven
 
     def drift(self, angle: float) -> Floats:
-        """Return Phi of a free centre over an angle, whatever is struck meanwhile."""
+        """Return Phi of a free centre over an angle; impacts in between do not affect it."""
         number, within = len(self.centre), np.ix_(self.centre, self.centre)
         return np.eye(number) + self.over(angle)[0][within] if number else np.eye(0)
 
     def fly(self, x: Floats, begin: float, end: float, pushing: Pushing = ()) -> Floats:
-        """Return the state at the angle `end` of a flight that has the state x at `begin`."""
+        """Return the state at the angle `end` of a flight with the state x at the angle `begin`."""
         grown, driven = self.over(end - begin, pushing)
         state: Floats = x + grown @ x + driven @ self.drive(begin)
         return state
@@ -187,9 +187,7 @@ class Flow:
         return float(self.bounds[stop] @ (self.turning @ z) - self.beta[stop] @ x[self.n :])
 
     def rebound(self, stop: int, closing: float) -> tuple[float, float]:
-        """Return r and R of an impact at which the clearance over its length has that rate; -1, which changes nothing,
-        where contact with a compliant stop begins.
-        """
+        """Return r and R of an impact with that scaled clearance rate; -1, no jump, for compliant stops."""
         v, element = max(-closing * float(self.lengths[stop]) * self.omega, 0.0), self.elements[stop]
         return element.rebound(v), element.sensitivity(v)
 
@@ -200,7 +198,7 @@ class Flow:
         return after
 
     def impact_slopes(self, stop: int, x: Floats, z: Floats) -> tuple[Floats, Floats]:
-        """Return the derivatives of the state after an impact by the one before it and by the driving angle."""
+        """Return the derivatives of the state after an impact by the state before it and the driving angle."""
         beta, factor = self.beta[stop], 1.0 + self.rebound(stop, self.closing(stop, x, z))[1]
         by_state, by_angle = np.eye(2 * self.n), np.zeros(2 * self.n)
         by_state[self.n :, self.n :] -= factor * np.outer(beta, beta)
@@ -208,11 +206,11 @@ class Flow:
         return by_state, by_angle
 
     def lag(self, stop: int) -> float:
-        """Return c/k of a stop: the rate of the clearance counts so much in its force; 0 of a rigid one."""
+        """Return l = c/k of a stop, the weight of the clearance's rate in its force; 0 for a rigid stop."""
         return float(self.viscosity[stop] / self.stiffness[stop]) if self.compliant[stop] else 0.0
 
     def rotation(self, angle: float | Floats) -> Floats:
-        """Return by what z is multiplied over an angle, or over many."""
+        """Return the matrix by which z is multiplied over an angle, or over many."""
         turned = np.multiply.outer(angle, self.orders)
         rotation = np.zeros((*turned.shape[:-1], 1 + 2 * len(self.orders), 1 + 2 * len(self.orders)))
         sine = 1 + np.arange(len(self.orders))
@@ -223,10 +221,10 @@ class Flow:
         return rotation
 
     def watched(self, event: Event) -> tuple[Floats, Floats]:
-        """Return the linear forms of state and drive whose sum is zero at an event.
+        """Return the linear forms of state and drive whose sum vanishes at an event.
 
-        It is the clearance u where contact begins, and (u + l u')/(1 + l), whose sign is that of a pull, where the
-        force does.
+        The sum is the clearance u where contact begins, and (u + l u')/(1 + l), positive for a pulling force, where the
+        force begins or ends.
         """
         beta, bound, lag = self.beta[event.stop], self.bounds[event.stop], self.lag(event.stop)
         share = 0.0 if event.kind in (IMPACT, GRAZE) else lag / (1.0 + lag)
@@ -234,28 +232,28 @@ class Flow:
         return row, (1.0 - share) * bound + share * bound @ self.turning
 
     def level(self, event: Event, x: Floats, z: Floats) -> tuple[float, Floats, float]:
-        """Return the function that is zero at an event, and its derivatives by the state and by the driving angle."""
+        """Return the function that vanishes at an event, and its derivatives by state and driving angle."""
         row, bound = self.watched(event)
         return float(bound @ z + row @ x), row, float(bound @ self.turning @ z)
 
     def touching(self, stop: int, x: Floats, z: Floats, pushing: Pushing = ()) -> tuple[float, float]:
-        """Return the function that is zero where a leg grazes a stop, and its rate: u, or the pull of one pushing."""
+        """Return the function that vanishes where a leg grazes a stop, and its rate: u, or a pushing stop's pull."""
         u, rate, bend = self.clearance(stop, x, z, pushing)
         lag = self.lag(stop)
         return ((u + lag * rate) / (1.0 + lag), (rate + lag * bend) / (1.0 + lag)) if stop in pushing else (u, rate)
 
     def saltation(self, event: Event, x: Floats, z: Floats, pushing: Pushing = ()) -> Floats:
-        r"""Return the saltation matrix of an event; infinite at a graze of a rigid stop.
+        r"""Return the saltation matrix of an event; it is infinite at a graze of a rigid stop.
 
-        In (y, y') that of an impact is, with the damping D and u'' of the clearance just before it,
+        For an impact it is, in (y, y'), with the damping D and the acceleration u'' of the clearance just before,
 
         .. math:: \begin{pmatrix} \Gamma(r) & 0 \\
                   ((1 + r) D \beta - (1 + R) \beta u''/v)\beta^T & \Gamma(R) \end{pmatrix}, \qquad
                   \Gamma(r) = 1 - (1 + r) \beta \beta^T,
 
-        whose determinant is r R, also for moving stops. Where a compliant stop is touched, the force jumps to c v:
-        the lower left block is :math:`-c \beta \beta^T`, for every v > 0, and the others are those of 1. Where the
-        force is zero nothing jumps.
+        whose determinant is r R, also for moving stops. Where a compliant stop is touched, the force jumps to c v: the
+        lower left block is :math:`-c \beta \beta^T`, for every v > 0, and the other blocks are those of the identity.
+        Where the force is zero nothing jumps.
         """
         n, stop = self.n, event.stop
         beta, matrix = self.beta[stop], np.eye(2 * n)

@@ -1,4 +1,4 @@
-"""Where Newton's method for an orbit of a system begins: at an orbit, at times of impacts, or where a motion leads."""
+"""Initial guesses of Newton's method for orbits of systems: an orbit, times of impacts, or a simulated motion."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.orbit import cycle_of
 from vibroimpact.parameters import invalid, real_number, several
 
-CHUNK = 15.0  # radians of the fastest rate that are looked at at once
+CHUNK = 15.0  # radians of the fastest rate per block of samples
 HALVINGS = 50
 MOST_EVENTS = 1000
-SHARE = 0.4  # of the time to the next event: a contact is guessed to be that long at most
+SHARE = 0.4  # of the time to the next event: longest guess for a contact
 
 
 def beginning(
     flow: Flow, n_periods: int, stops: tuple[int, ...], images: tuple[int, ...], guess: Guess
 ) -> tuple[Cycle, Floats]:
-    """Return the cycle and the unknown that Newton's method starts from."""
+    """Return the cycle and the unknown from which Newton's method starts."""
     orbit, parts = guess.orbit, 2 if images and guess.symmetric else 1
     if orbit is not None and len(orbit.system.mass) == flow.n:
         cycle, unknown = cycle_of(orbit)
@@ -59,7 +59,7 @@ def beginning(
 
 
 class Occurrence(NamedTuple):
-    """An event of a motion: which, at which driving angle, the state just before it, and what pushed then."""
+    """An event of a motion: the event, its driving angle, the state just before it, and the stops that pushed then."""
 
     event: Event
     angle: float
@@ -68,7 +68,7 @@ class Occurrence(NamedTuple):
 
 
 def pressed(flow: Flow, x: Floats, z: Floats) -> Pushing:
-    """Return the stops that push in a state: compliant ones that are pressed in and do not pull."""
+    """Return the stops that push in a state: compliant stops that are pressed in and whose force does not pull."""
     pushing = []
     for stop in np.flatnonzero(flow.compliant).tolist():
         u, rate, _ = flow.clearance(stop, x, z)
@@ -78,10 +78,10 @@ def pressed(flow: Flow, x: Floats, z: Floats) -> Pushing:
 
 
 def traced(flow: Flow, n_periods: int, state: Any, stops: tuple[int, ...] | int) -> tuple[Cycle, Floats] | None:
-    """Return the cycle in which a motion from a state strikes these stops in turn, the hardest first, and its unknown.
+    """Return the cycle in which the motion from a state strikes these stops, hardest impact first, and its unknown.
 
-    Of a number of impacts, whichever stops they are on. None if it does not, or not nearly as long after as Newton's
-    method may mend.
+    A number of impacts in place of stops allows any stops. None if the motion does not strike them, or in a time too
+    far from the cycle's for Newton's method.
     """
     number = stops if isinstance(stops, int) else len(stops)
     x = np.linalg.solve(flow.physical, np.append(state.displacement, state.velocity))
@@ -120,7 +120,7 @@ def traced(flow: Flow, n_periods: int, state: Any, stops: tuple[int, ...] | int)
 
 
 def _next(flow: Flow, x: Floats, angle: float, longest: float, pushing: Pushing, last_stop: int) -> Occurrence | None:
-    """Return the next event of a motion within an angle; the last one was of `last_stop`."""
+    """Return the next event of a motion within an angle; the last event was on `last_stop`."""
     leg = Leg(flow, np.append(x, flow.drive(angle)), longest, pushing)
     first, stop = longest, None
     for course in courses(leg):
@@ -146,7 +146,7 @@ def _next(flow: Flow, x: Floats, angle: float, longest: float, pushing: Pushing,
 
 
 def _level(leg: Leg, stop: int) -> Callable[[float], float]:
-    """Return the level above zero until a stop has its next event, as a function of the angle since a leg's begin."""
+    """Return the function of the angle since a leg's begin that falls through zero at a stop's next event."""
     row = clearances(leg.flow, leg.pushing)[stop]
     pull, size = pulls(row, leg.flow.lag(stop))[0], 2 * leg.flow.n
 
@@ -160,7 +160,7 @@ def _level(leg: Leg, stop: int) -> Callable[[float], float]:
 
 
 def _crossing(level: Callable[[float], float], low: float, high: float) -> float:
-    """Return the angle at which a level that is below zero at `high` gets there."""
+    """Return the angle at which a level that is negative at `high` falls through zero."""
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if level(middle) < 0.0 else (middle, high)
@@ -168,9 +168,9 @@ def _crossing(level: Callable[[float], float], low: float, high: float) -> float
 
 
 def _from_angles(cycle: Cycle, angles: Floats) -> Floats:
-    """Return the unknown with the state that comes nearest to an orbit with impacts at these angles.
+    """Return the unknown whose state comes nearest to an orbit with impacts at these angles.
 
-    At fixed angles the misses are linear in the state.
+    At fixed angles the residuals are linear in the state.
     """
     unknown = np.append(angles, np.zeros(2 * cycle.flow.n))
     misses, matrix = cycle.linearised(unknown)
@@ -179,7 +179,7 @@ def _from_angles(cycle: Cycle, angles: Floats) -> Floats:
 
 
 def _with_releases(flow: Flow, stops: tuple[int, ...], angles: Floats, end: float) -> tuple[tuple[Event, ...], Floats]:
-    """Return the events of impacts and of the ends of their contacts, if each lasts half a turn of its stop's spring.
+    """Return the impacts and the ends of their contacts, each lasting half a period of a mass on the stop's spring.
 
     `end` is the angle of the first impact of the next cycle.
     """

@@ -1,18 +1,18 @@
-r"""All orbits with one contact of a compliant stop in a cycle, or one in each half of a symmetric one.
+r"""All orbits with one contact with a compliant stop per cycle, or one per half cycle of a symmetric orbit.
 
 At a given duration tau of the contact everything is linear: with the flows of the contact and of the flight after it,
-the state x where contact begins is a trigonometric polynomial in its driving angle, by 2n equations N x = P z that say
-that the cycle closes. Then
+the 2n equations N x = P z for the closure of the cycle make the state x at the beginning of contact a trigonometric
+polynomial of the driving angle there. Then
 
-    u = 0 where contact begins,    u + l u' = 0 where it ends, where the force is zero
+    u = 0 where contact begins,    u + l u' = 0 (zero force) where it ends
 
-are two equations for tau and the angle. Multiplied by det N, which is zero where a free motion has the length of the
-cycle, their coefficients are smooth functions of tau, and `common_zeros` finds all solutions. So no guess is needed,
-and unstable orbits are found, too.
+are two equations for tau and the angle. Multiplied by det N, which vanishes where a free motion repeats after the
+cycle's length, they have coefficients that are smooth functions of tau, and `common_zeros` finds all solutions. No
+guess is needed, and unstable orbits are found, too.
 
-A contact of no duration, and of an undamped stop a flight of none, would solve both. So the second equation is taken
-less the first and divided by the duration: the mean of u' over the contact, and l u', over tau + l, where of an
-undamped stop tau (Theta - tau)/Theta is tau. What is left at tau = 0 are grazes, and the lightest contacts beside them
+A contact of zero duration would satisfy both, and with an undamped stop a flight of zero duration, too. Therefore the
+first equation is subtracted from the second and the difference is divided by tau + l; with an undamped stop tau is
+replaced there by tau (Theta - tau)/Theta. The solutions left at tau = 0 are grazes, and the lightest contacts near them
 are simple zeros.
 """
 
@@ -34,13 +34,13 @@ from vibroimpact.orbits.systems.events import IMPACT, LET_GO, Event, Pushing
 from vibroimpact.orbits.systems.flow import Flow, growth
 from vibroimpact.parameters import counted
 
-MOST_ORBITS = 256  # of one contact: more are not isolated
-CLOSED = 1e-3  # of the orbit's size, and of the largest force: what is farther from an orbit is none
-SHARES = (np.arange(8) + 0.5) / 8  # of a contact, at which the stop must not pull
+MOST_ORBITS = 256  # solutions for one contact: if there are more, they are not isolated
+CLOSED = 1e-3  # of the orbit's size, and of the largest force: a larger residual means no orbit
+SHARES = (np.arange(8) + 0.5) / 8  # samples of a contact, at which the force must not pull
 
 
 def one_contact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
-    """Return the cycles of all orbits with one contact in a cycle, their unknowns, and why there may be no others."""
+    """Return the cycles and unknowns of all orbits with one contact per cycle, and which others may be missed."""
     flow, ((stop, _),) = cycle.flow, cycle.events
     cycle = replace(cycle, events=(Event(stop, IMPACT), Event(stop, LET_GO)))
     if why := _not_isolated(cycle):
@@ -60,15 +60,15 @@ def one_contact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
                 solutions.append(solved.z)
                 contacts.append(contact)
     what = "half a cycle" if cycle.images else counted(cycle.n_periods, "driving period")
-    why = "" if solutions else f"no contact was found that repeats after {what}"
+    why = "" if solutions else f"no orbit with one contact per {what} was found"
     if zeros.unsearched:
         begin, end = np.array(zeros.unsearched) / flow.omega
-        why = f"{why}{'; ' if why else ''}of contacts of {begin:.3g} to {end:.3g} s some may be missed"
+        why = f"{why}{'; ' if why else ''}some contacts of {begin:.3g} to {end:.3g} s may be missed"
     return [(cycle, z) for z in solutions], why
 
 
 def _not_isolated(cycle: Cycle) -> str:
-    """Return why orbits are not isolated or do not exist, whatever the duration; empty if they can be."""
+    """Return the reason why there are no isolated orbits at any duration of contact; empty if there may be some."""
     flow, n = cycle.flow, 2 * cycle.flow.n
     if unforced(cycle):
         lossless = not (flow.damping.any() or flow.viscosity.any())
@@ -76,7 +76,7 @@ def _not_isolated(cycle: Cycle) -> str:
     matrices, loads, _ = _equations(cycle, cycle.length * np.array([0.21, 0.47, 0.79]))
     left, sizes, right = np.linalg.svd(matrices)
     steepest = 1.0 + cycle.length * float(np.linalg.norm(flow.phase().matrix, 2))
-    at = int(np.argmax(sizes[:, -1] / sizes[:, 0]))  # a free motion that the stop does not feel is there at all of them
+    at = int(np.argmax(sizes[:, -1] / sizes[:, 0]))  # if any is singular, all are
     rank = int((sizes[at] > 16.0 * EPS * steepest * sizes[at, 0]).sum())
     if rank == n:
         return ""
@@ -86,7 +86,7 @@ def _not_isolated(cycle: Cycle) -> str:
 
 
 def _equations(cycle: Cycle, durations: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return those of the cycle and of both its events: what multiplies the state, and z; and the growth in contact."""
+    """Return the equations of closure and both events, as factors of state and z, and the flow over the contact."""
     flow, n, (begin, end) = cycle.flow, 2 * cycle.flow.n, map(cycle.flow.watched, cycle.events)
     contact = _growth(flow, durations, (cycle.events[0].stop,))
     whole = _then(contact, _growth(flow, cycle.length - durations))[:, :n]
@@ -99,16 +99,16 @@ def _equations(cycle: Cycle, durations: Floats) -> tuple[Floats, Floats, Floats]
 
 
 def _pulls(cycle: Cycle, z: Floats) -> bool:
-    """Return whether the force falls below zero before contact ends: that is no orbit of any system."""
+    """Return whether the force falls below zero before contact ends; such a solution is no orbit."""
     course = list(courses(cycle.leg(z, 0)))[cycle.events[0].stop]
     least = np.append(course.gaps[1:-1], course.lowest).min()
     return bool(least < -ROUNDING * course.size)
 
 
 def _starts(cycle: Cycle, durations: Floats, angles: Floats) -> list[Floats]:
-    """Return the unknowns at zeros that belong to a contact: its state nearly closes, and the stop does not pull.
+    """Return the unknowns at zeros that are contacts: the cycle nearly closes, and the stop does not pull.
 
-    The state is that which solves the equations of the cycle and of both events best.
+    The state is the least-squares solution of the equations of the cycle and of both events.
     """
     flow, stop, end = cycle.flow, cycle.events[0].stop, np.concatenate(cycle.flow.watched(cycle.events[1]))
     z = flow.drive(angles)
@@ -128,7 +128,7 @@ def _starts(cycle: Cycle, durations: Floats, angles: Floats) -> list[Floats]:
 
 
 def _coefficients(cycle: Cycle, lows: Floats, width: float) -> Floats:
-    """Return those of both equations at the Chebyshev points of intervals of durations."""
+    """Return the coefficients of both equations at the Chebyshev points of intervals of durations."""
     flow, n, stop = cycle.flow, 2 * cycle.flow.n, cycle.events[0].stop
     offsets = 0.5 * width * (NODES + 1.0)
     durations, flights = lows[:, None] + offsets, (cycle.length - lows - width)[:, None] + offsets[::-1]
@@ -138,7 +138,7 @@ def _coefficients(cycle: Cycle, lows: Floats, width: float) -> Floats:
     matrices = cycle.pinned((cycle.sign - 1.0) * np.eye(n) - whole[..., :n, :n], np.eye(n))
     load = whole[..., :n, n:]
     determinants = np.linalg.det(matrices)
-    if not determinants.all():  # exactly singular: what is beside it is as true to rounding
+    if not determinants.all():  # exactly singular: a neighbouring value is equal to rounding
         matrices[determinants == 0.0] += EPS * np.eye(n)
         determinants = np.linalg.det(matrices)
     states = np.linalg.solve(matrices, cycle.pinned(load, np.zeros_like(load)))
@@ -165,7 +165,7 @@ def _coefficients(cycle: Cycle, lows: Floats, width: float) -> Floats:
 
 
 def _growth(flow: Flow, angles: Floats, pushing: Pushing = ()) -> Floats:
-    """Return by what state and drive grow over angles."""
+    """Return the matrices that carry state and drive over angles, minus the identity."""
     grown, driven = flow.over(angles, pushing)
     turned = growth(flow.turning * angles[:, None, None])
     none = np.zeros((len(angles), *flow.push.T.shape[:1], grown.shape[-1]))
@@ -173,6 +173,6 @@ def _growth(flow: Flow, angles: Floats, pushing: Pushing = ()) -> Floats:
 
 
 def _then(first: Floats, second: Floats) -> Floats:
-    """Return the growth over one flight after another."""
+    """Return the same for one flight followed by another."""
     both: Floats = first + second + second @ first
     return both

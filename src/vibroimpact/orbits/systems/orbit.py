@@ -1,4 +1,4 @@
-"""A periodic orbit of a system, and how to make it from a solution of the equations."""
+"""Periodic orbits of systems, and their construction from solutions of the equations."""
 
 from __future__ import annotations
 
@@ -26,39 +26,43 @@ from vibroimpact.orbits.systems.symmetry import mirror
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SystemOrbit(Orbit):
-    """A period-n impact-p orbit, stable or not, of a system with rigid or compliant stops.
+    """A period-n impact-p orbit, stable or unstable, of a system with rigid or compliant stops.
 
-    Its `oscillator` is the system. On a compliant stop, an impact is where contact begins. Of several rests,
-    `stick_phase` and `release_phase` are those of the first, and `stuck_time` is the sum.
+    Its `oscillator` is the system. On a compliant stop, an impact is the beginning of a contact. With several rests,
+    `stick_phase` and `release_phase` are those of the first rest, and `stuck_time` is the sum.
 
     Parameters
     ----------
     stops : tuple of str
-        Names of the stops that are struck, in the order of time.
+        Names of the stops struck, in the order of time.
     turns : tuple of float
         Times of these impacts in driving periods, the first in [0, 1).
     impulses : tuple of float
-        Impulses of the impacts in N s: of a compliant stop, the integral of its force over the contact.
+        Impulses of the impacts in N s; on a compliant stop, the integral of its force over the contact.
     start : State
-        Coordinates, their rates and time just before the first impact; of an orbit that rests, while nothing happens.
+        Coordinates, their rates and time just before the first impact; for an orbit with rests, at a time without
+        events.
     half_multipliers : tuple of 2n complex
-        Those of half a cycle and the mirror, if the orbit is its own mirror image half a cycle later; else empty.
+        Multipliers of the half map (half a cycle, then the mirror) if the orbit is its own mirror image half a cycle
+        later; else empty.
     events : tuple of (float, str, str)
-        Times in driving periods, kinds and stops of all that happens in a cycle: each "impact", and of compliant stops
-        "let_go", where the force has fallen to zero, and "push_again", where it rises before contact is lost.
+        Times in driving periods, kinds and stops of all events in a cycle: "impact", and for compliant stops "let_go",
+        when the force has fallen to zero, and "push_again", when the force begins again before the clearance is
+        positive.
     pushing : tuple of str
         Stops that push just before the first impact.
     contacts : tuple of Contact
-        Of each impact the `impulse` in N s, and on a compliant stop `contact_time` in s, for which it pushes,
-        `peak_force` in N, `penetration` in m, and the energy `lost` at the stop in J; NaN on a rigid one.
+        For each impact, the `impulse` in N s and, on a compliant stop, `contact_time` (for which it pushes) in s,
+        `peak_force` in N, `penetration` in m, and the energy `lost` at the stop in J; NaN on a rigid stop.
     rests : tuple of Rest
-        Rests at rigid stops, each the `stop` and when it `begin`s and `end`s in driving periods, as `turns` have them.
-        Of a chatter the impacts above 1e-9 V are listed. A cycle that rests is listed from the end of the longest rest
-        at the first of the system's stops that it rests at.
+        Rests at rigid stops: the `stop`, and its `begin` and `end` in driving periods, on the same time axis as
+        `turns`. The impacts of a chatter are listed down to 1e-9 V. A cycle with rests is listed from the end of the
+        longest rest, at the first of the system's stops that has one.
     neutral : tuple of complex
-        Multipliers of a free centre, where masses without a spring to the ground strike one another: 1 of its place,
-        and 1, or less under drag, of its drift. No stop feels them, and they decide nothing; `multipliers` are the
-        others, the largest first. The drift is that with which the centre returns, if there is one.
+        Multipliers of a free centre of mass, if masses without a spring to the ground strike one another: 1 for its
+        position, and 1, or less with drag, for its drift. They affect no stop and do not count for stability;
+        `multipliers` holds the others, the largest first. The drift is the one with which the centre returns, if there
+        is one.
 
     Examples
     --------
@@ -83,13 +87,13 @@ class SystemOrbit(Orbit):
 
     @property
     def system(self) -> ImpactSystem:
-        """The system that moves so."""
+        """The system that has this orbit."""
         system: ImpactSystem = self.oscillator
         return system
 
     @property
     def twin(self) -> SystemOrbit:
-        """Its mirror image half a driving period later, a motion of the same system if that is symmetric.
+        """The mirror image half a driving period later, which is also an orbit of the system if that is symmetric.
 
         Raises
         ------
@@ -136,9 +140,7 @@ class SystemOrbit(Orbit):
 
     @property
     def determinant(self) -> float:
-        """Product of the multipliers: exp(-tr(M^-1 C) t) of each leg, with the damping c a a^T of the stops that push
-        in it, times r d(r v)/dv of each impact on a rigid one; 0 of an orbit that rests.
-        """
+        """Product of the multipliers."""
         if self.sticks:
             return 0.0
         flow, (cycle, unknown) = Flow(self.system), cycle_of(self)
@@ -157,7 +159,7 @@ class SystemOrbit(Orbit):
         Raises
         ------
         ValueError
-            It rests at a stop.
+            The orbit rests at a stop.
 
         Examples
         --------
@@ -187,7 +189,7 @@ class SystemOrbit(Orbit):
 
 
 def at_rest(rests: Sequence[Rest], n_periods: int, period: float) -> tuple[float, float, float]:
-    """Return the phases at which the first rest in a cycle begins and ends, and the time in s that all of them take."""
+    """Return the phases at which the first rest in a cycle begins and ends, and the total time at rest in s."""
     if not rests:
         return math.nan, math.nan, 0.0
     _, begin, end = rests[0]
@@ -201,7 +203,7 @@ def cycle_of(orbit: SystemOrbit) -> tuple[Cycle, Floats]:
     Raises
     ------
     ValueError
-        It rests at a stop.
+        The orbit rests at a stop.
     """
     orbit.check_flies()
     flow, names = Flow(orbit.system), orbit.system.stop_names
@@ -214,7 +216,7 @@ def cycle_of(orbit: SystemOrbit) -> tuple[Cycle, Floats]:
 
 
 def at_first_contact(orbit: SystemOrbit) -> SystemOrbit:
-    """Return the steady motion that an orbit is whose impacts all have velocity 0, as one impact a driving period."""
+    """Return an orbit whose impacts all have velocity 0 as the steady motion, one such impact per driving period."""
     cycle, unknown = cycle_of(orbit)
     first = cycle.events[0].stop
     event = Event(first, GRAZE if cycle.flow.compliant[first] else IMPACT)
@@ -223,7 +225,7 @@ def at_first_contact(orbit: SystemOrbit) -> SystemOrbit:
 
 
 def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> SystemOrbit:
-    """Return the orbit of a solution of a cycle's equations, of a system or of the family that makes it."""
+    """Return the orbit of a solution of a cycle's equations, for a system or the family that makes it."""
     system: ImpactSystem = model.at()
     flow, p, names = cycle.flow, len(cycle.events), system.stop_names
     message = objection(cycle, unknown, names)

@@ -1,4 +1,4 @@
-"""Find the periodic orbits of a system: those of one impact in closed form, others by Newton's method from a guess."""
+"""Find the periodic orbits of a system: with one impact in closed form, others by Newton's method from a guess."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ from vibroimpact.orbits.systems.sticking import find_sticking
 from vibroimpact.orbits.systems.symmetry import mirror
 from vibroimpact.parameters import invalid
 
-# Impacts of the motion from rest before those that Newton's method starts from: the second, as in verdicts, where the
-# first end in no cycle yet.
+# Transient impacts of the motion from rest before the guess for Newton's method; the second number, as in verdicts, is
+# used if no cycle is reached after the first.
 TRANSIENTS = 2000, 1 << 15
-LOOK = 128  # impacts in which a cycle of up to half as many is recognised
+LOOK = 128  # impacts sampled, in which cycles of up to half as many are recognised
 
 
 def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[SystemOrbit]:
-    """Return the period-n impact-p orbits of a system, on whichever stops.
+    """Return the period-n impact-p orbits of a system, on any stops.
 
-    All those of one impact, and of two that are mirror images of one another; others, and one that rests, from `near`,
-    or where the motion from rest has settled to one.
+    All orbits with one impact, or with two that are mirror images of each other, are found. Other orbits, and orbits
+    that rest, are found from `near` or if the motion from rest settles to one.
     """
     if guess.state is None and not guess.none:
         raise invalid("near", guess.near, "an orbit or an attractor of a system, or a State")
@@ -64,7 +64,7 @@ def striking(
     *,
     symmetric: bool = False,
 ) -> Orbits[SystemOrbit]:
-    """Return the orbits that strike given stops in turn, or each stop, or those of an orbit that is a guess."""
+    """Return the orbits that strike given stops in order; without these, one stop each, or the stops of the guess."""
     system: ImpactSystem = model.at()
     images, why = mirror(system)
     if symmetric and why:
@@ -83,9 +83,9 @@ def striking(
 
 
 def cycles_of_one_impact(system: ImpactSystem, n_periods: int) -> list[Cycle]:
-    """Return the cycles with one impact on each stop, and those with one on each of a pair that is mirrored.
+    """Return the cycles with one impact, for each stop, and those with one impact on each stop of a mirrored pair.
 
-    On a compliant stop contact begins, and when it ends is to be found.
+    On a compliant stop the impact is the beginning of a contact, whose end is still unknown.
     """
     flow, images = Flow(system), mirror(system)[0] if n_periods % 2 else ()
     cycles = [Cycle(flow, n_periods, impacts_on((stop,))) for stop in range(len(system.stops))]
@@ -93,9 +93,9 @@ def cycles_of_one_impact(system: ImpactSystem, n_periods: int) -> list[Cycle]:
 
 
 def of_one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
-    """Return all orbits with the one impact of a cycle, as solutions of their equations, and why there are none.
+    """Return all solutions with the one impact of a cycle, and the reason if there are none.
 
-    On a compliant stop also which others may have been missed.
+    For a compliant stop the reason also says which others may have been missed.
     """
     return (one_contact if cycle.flow.compliant[cycle.events[0].stop] else one_impact)(cycle)
 
@@ -115,7 +115,7 @@ def _of_one(model: Model, cycles: Iterable[Cycle]) -> Orbits[SystemOrbit]:
 
 
 def _anywhere(model: Model, n_periods: int, n_impacts: int) -> Orbits[SystemOrbit]:
-    """Return the symmetric orbits of two impacts, and the orbit that the motion from rest has settled to."""
+    """Return the symmetric orbits with two impacts, and the orbit to which the motion from rest settles."""
     orbits: list[SystemOrbit] = []
     if n_impacts == 2 and n_periods % 2 and not mirror(model.at())[1]:
         orbits += striking(model, n_periods, symmetric=True)
@@ -130,20 +130,20 @@ def _anywhere(model: Model, n_periods: int, n_impacts: int) -> Orbits[SystemOrbi
 
 
 def _from_near(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[SystemOrbit]:
-    """Return the orbit that Newton's method reaches from another, or from the motion from a state."""
+    """Return the orbit that Newton's method reaches from another orbit, or from the motion that begins in a state."""
     if guess.stops:
         return striking(model, n_periods, guess=guess)
     system: ImpactSystem = model.at()
     system.cells({}, guess.state)  # refused where it does not fit
     cycle_and_start = traced(Flow(system), n_periods, guess.state, n_impacts)
     if cycle_and_start is None:
-        message = f"the motion from there does not come near a {cycle_name(n_periods, n_impacts)} orbit at once"
-        return Orbits(outcome="not_converged", message=f"{message}; begin nearer to one")
+        message = f"the motion from `near` does not come close to a {cycle_name(n_periods, n_impacts)} orbit at once"
+        return Orbits(outcome="not_converged", message=f"{message}; give a state closer to one")
     return _from(model, *cycle_and_start, mirror(system)[0])
 
 
 def _with_near(orbits: Orbits[SystemOrbit], model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOrbit]:
-    """Return orbits, and the one near a guess if it is none of them."""
+    """Return orbits, with the one near a guess added if it is missing."""
     compliant = any(stop.compliant for stop in model.at().stops)
     if guess.none or guess.sticks or not compliant:
         return orbits
@@ -167,7 +167,7 @@ def _from(model: Model, cycle: Cycle, start: Floats, images: tuple[int, ...]) ->
 
 
 def halved(cycle: Cycle, unknown: Floats, images: tuple[int, ...]) -> tuple[Cycle, Floats]:
-    """Return half of a cycle and its unknown, if the mirror makes the second half of the first, else both unchanged."""
+    """Return half of a cycle, with its unknown, if the halves are mirror images, else the cycle and its unknown."""
     p, angles = len(cycle.events), unknown[: len(cycle.events)]
     half = replace(cycle, events=cycle.events[: p // 2], images=images)
     possible = images and not cycle.images and cycle.n_periods % 2
@@ -180,7 +180,7 @@ def halved(cycle: Cycle, unknown: Floats, images: tuple[int, ...]) -> tuple[Cycl
 
 
 def settled(model: Model, n_periods: int, n_impacts: int, transients: Sequence[int] = TRANSIENTS) -> list[SystemOrbit]:
-    """Return the orbit that the motion from rest has settled to, if it has that name."""
+    """Return the orbit to which the motion from rest settles, if it is of this (n, p) type."""
     system = model.at()
     samples: Any
     for transient in transients:
@@ -194,7 +194,7 @@ def settled(model: Model, n_periods: int, n_impacts: int, transients: Sequence[i
             times = (turns[:-1] * system.period).tolist()
             if orbits := find_near(model, n_periods, stops, times, ended(system, samples)):
                 return list(orbits)
-        elif cycle_length(samples.impact_velocity, samples.impact_phase):  # of another name
+        elif cycle_length(samples.impact_velocity, samples.impact_phase):  # of another type
             break
     return []
 
@@ -207,7 +207,7 @@ def ended(system: Any, samples: Any) -> State:
 def find_near(
     model: Model, n_periods: int, stops: Sequence[int], times: Sequence[float], state: State
 ) -> Orbits[SystemOrbit]:
-    """Return the orbit that a motion has settled to, by the times of its impacts, or by a state where contacts last."""
+    """Return the orbit to which a motion has settled, from the times of its impacts, or a state if contacts last."""
     all_stops = model.at().stops
     guess = Guess.of(state) if any(all_stops[stop].compliant for stop in stops) else Guess(times)
     try:

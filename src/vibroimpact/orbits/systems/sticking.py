@@ -1,12 +1,11 @@
 r"""Orbits of systems that rest at a stop.
 
-A rest takes from a neighbour what would move the clearance of that stop; what the other coordinates remember goes on.
-So the cycle does not follow from the release, as that of one mass does. It is a fixed point of the motion over n
-periods, P(x) = x, for the state x at a phase at which nothing happens. The engine makes P, impact by impact, with whole
-chatter and rests, and carries its derivative along: saltation at impacts, projection where a stop closes (A. B.
-Nordmark and P. T. Piiroinen, Nonlinear Dynamics 58 (2009) 85-106). Newton's method then takes
-x + (1 - P')^-1 (P(x) - x); the multipliers are the eigenvalues of P', as many of them 0 as rests take coordinates and
-rates.
+A rest erases only the components of a perturbation that would change the clearance of that stop; the others persist.
+So, unlike for one mass, the cycle does not follow from the release. It is a fixed point, P(x) = x, of the motion over n
+periods, where x is the state at a phase without events. The engine computes P impact by impact, with complete chatter
+and rests, together with its derivative: saltation at impacts, projection where a stop closes (A. B. Nordmark and P. T.
+Piiroinen, Nonlinear Dynamics 58 (2009) 85-106). Newton's method then takes x + (1 - P')^-1 (P(x) - x); the multipliers
+are the eigenvalues of P'; rests make some of them 0.
 """
 
 from __future__ import annotations
@@ -35,15 +34,15 @@ from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.orbit import SystemOrbit, at_rest
 from vibroimpact.parameters import invalid
 
-RETURNS = 100  # driving periods of a cycle, at most, that is recognised from rest
-SETTLING = 1000  # driving periods from rest, before those that Newton's method starts from
+RETURNS = 100  # most driving periods of a cycle that is recognised in the motion from rest
+SETTLING = 1000  # transient driving periods from rest before the guess for Newton's method
 
 
 class _History(NamedTuple):
-    """What happens in a cycle that is followed from a time in driving periods, in this order of time.
+    """The events in a cycle, in the order of time; times are in driving periods.
 
-    Impacts have a time, a stop, a velocity (m/s) and an impulse (N s) each; `displacements` are the coordinates at its
-    beginning and after each period, less a free centre.
+    Each impact has a time, a stop, a velocity (m/s) and an impulse (N s). `displacements` are the coordinates at the
+    beginning and after each period, relative to a free centre.
     """
 
     times: Floats
@@ -69,12 +68,12 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOr
             state = State(seen.look_displacement[0], seen.look_velocity[0], seen.look_phase[0] * system.period)
         else:
             state = guess.state
-        if guess.sticks:  # at the same phase, which is quiet
+        if guess.sticks:  # at the same phase, at which there are no events
             state = replace(state, time=state.time * system.period / guess.orbit.oscillator.period)
         else:
             state = _quiet_state(_follow(system, state, n_periods), carrier, state, system.period, n_periods)
         solved, derivative = _solve(carrier, state, system.period, n_periods)
-    except ValueError as error:  # beyond a stop, or not to be followed
+    except ValueError as error:  # beyond a stop, or the motion cannot be followed
         return Orbits(outcome="not_converged", message=str(error))
     if solved.singular or not solved.converged:
         return lost(solved, name)
@@ -83,7 +82,7 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOr
     first = history.displacements[0]
     distances = np.abs(history.displacements - first).max(axis=1) / np.abs(first).max()
     periods = next((n for n in range(1, n_periods + 1) if n_periods % n == 0 and distances[n] <= SAME), 0)
-    if not periods:  # Newton's method stood still, but the motion goes elsewhere
+    if not periods:  # Newton's method stagnated away from a fixed point
         return lost(solved, name)
     if not (history.rests and len(history.times)):
         reached = cycle_name(periods, len(history.times) * periods // n_periods)
@@ -97,7 +96,7 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOr
 
 
 def _settled(system: ImpactSystem, looks: int = 1) -> Any:
-    """Return what is seen of the motion from rest, once a driving period, when it has settled."""
+    """Return samples of the settled motion from rest, one per driving period."""
     (samples,) = get_backend("cpu").samples(system.cells({}), Measurement(StroboscopicWindow(SETTLING, looks)))
     if len(samples.look_phase) < looks:
         raise ValueError("the motion from rest could not be followed; give `near`")
@@ -105,7 +104,7 @@ def _settled(system: ImpactSystem, looks: int = 1) -> Any:
 
 
 def periods_from_rest(system: ImpactSystem, longest: int) -> int:
-    """Return the driving periods (up to 100) of the cycle that the motion from rest settles to, if it rests; else 0."""
+    """Return the driving periods (up to 100) of the cycle reached from rest if it rests at a stop; else 0."""
     try:
         samples = _settled(system, 2 * RETURNS)
     except ValueError:
@@ -116,7 +115,7 @@ def periods_from_rest(system: ImpactSystem, longest: int) -> int:
 
 
 def _beside_centre(system: ImpactSystem, displacements: Floats) -> Floats:
-    """Return coordinates, a row for each instant, less those of a free centre."""
+    """Return coordinates relative to a free centre, one row per instant."""
     form = system.modal()
     beside: Floats = displacements - displacements @ form.inverse[form.neutral[0]].T @ form.shapes[:, form.neutral[0]].T
     return beside
@@ -128,7 +127,7 @@ def _state(carrier: Carrier, x: Floats, time: float) -> State:
 
 
 def _follow(system: ImpactSystem, state: State, n_periods: int) -> _History:
-    """Return the events within n periods of a motion; rests that last beyond them are followed to their ends."""
+    """Return the events within n periods of a motion; rests in progress are followed to their ends."""
     samples: Any
     window = StroboscopicWindow(0, 2 * n_periods + 1)
     (samples,) = get_backend("cpu").samples(system.cells({}, state), Measurement(window))
@@ -140,11 +139,11 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _History:
         samples.rest_stop, samples.rest_begin.sum(axis=1), samples.rest_end.sum(axis=1), strict=True
     ):
         lasts = math.isnan(end)
-        # Beside an end of sticking the last impacts of a chatter, below the cut, may outlast what presses.
+        # Near an end of sticking, the last impacts of a chatter, below the cutoff, may outlast the pressing force.
         chatters_on = end <= begin
         if not chatters_on and (first < begin < first + n_periods or (lasts and begin <= first)):
             rests.append(Rest(names[stop], float(begin), float(first + n_periods if lasts else end)))
-    # Where the cycle is entered within a rest, that is seen once more, whole, at its end.
+    # If the cycle begins during a rest, that rest is recorded again, completely, at the end of the cycle.
     ends = [rest.end - n_periods for rest in rests]
     rests = [rest for rest in rests if not any(abs(rest.end - end) <= SAME for end in ends)]
     return _History(
@@ -158,9 +157,9 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _History:
 
 
 def _quiet_state(history: _History, carrier: Carrier, state: State, period: float, n_periods: int) -> State:
-    """Return the state in the middle of the longest quiet time after another, with all stops open if there is one.
+    """Return the state in the middle of the longest interval without events, with all stops open if possible.
 
-    It stays in the present one unless another is twice as long.
+    The present interval is kept unless another is twice as long.
     """
     first = state.time / period
     begins, ends = np.array([rest[1:] for rest in history.rests]).reshape(-1, 2).T
@@ -170,7 +169,7 @@ def _quiet_state(history: _History, carrier: Carrier, state: State, period: floa
     lengths = np.diff(events, append=events[0] + n_periods)
     middles = events + 0.5 * lengths
     free = ((first + middles[:, None] - begins) % n_periods >= ends - begins).all(axis=1)
-    lengths[-1] *= 2.0  # this is where the state lies
+    lengths[-1] *= 2.0  # the present interval
     at = max(range(len(middles)), key=lambda i: (free[i], lengths[i]))
     x = carrier.state(np.array(state.displacement), np.array(state.velocity))
     later = middles[at] % n_periods
@@ -179,9 +178,9 @@ def _quiet_state(history: _History, carrier: Carrier, state: State, period: floa
 
 
 def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tuple[Solved, Floats]:
-    """Return the fixed point that Newton's method reaches, and P' there, beside a free centre.
+    """Return the fixed point that Newton's method reaches, and P' there, without a free centre.
 
-    Steps are halved while they take the motion farther off.
+    Steps are halved while they increase the residual.
     """
     x, phase = carrier.state(np.array(state.displacement), np.array(state.velocity)), state.time / period % 1.0
     felt = ~carrier.neutral
@@ -210,7 +209,7 @@ def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tup
 
 
 def _from_release(history: _History, names: tuple[str, ...], n_periods: int) -> _History:
-    """Return a cycle from the end of its longest rest at the first stop that it rests at."""
+    """Return a cycle that begins at the end of its longest rest at the first stop that it rests at."""
     first = min(history.rests, key=lambda rest: (names.index(rest.stop), rest.begin - rest.end))
     release = first.end
     times = release + (history.times - release) % n_periods

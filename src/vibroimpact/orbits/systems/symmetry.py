@@ -1,4 +1,4 @@
-"""Whether a system moves in the same way when it is mirrored, q -> -q, half a driving period later."""
+"""Symmetry of systems: whether the mirror image, q -> -q, half a driving period later obeys the same equations."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ EQUAL = 1e-12  # relative: numbers nearer than this are equal
 
 
 def mirror(system: ImpactSystem) -> tuple[tuple[int, ...], str]:
-    """Return the stop that each one becomes in the mirror, and why the system is not symmetric, if it is not.
+    """Return the mirror image of each stop, and the reason why the system is not symmetric (empty if it is).
 
     The load must have odd harmonics only and no constant. Stops must face each other in pairs with equal gaps and
-    restitutions, or stiffness and damping, whose motions are those half a period apart.
+    restitutions, or stiffness and damping, and their own motions must be mirror images half a period apart.
 
     Examples
     --------
@@ -42,7 +42,7 @@ def mirror(system: ImpactSystem) -> tuple[tuple[int, ...], str]:
 
 
 def _is_image(stop: Stop, other: Stop) -> bool:
-    """Return whether a stop is another one, in the mirror and half a period later; directions may differ in length."""
+    """Return whether a stop is the mirror image of another half a period later; directions may differ in length."""
     ratio = np.abs(stop.direction).max() / np.abs(other.direction).max()
     near = EQUAL * np.abs(stop.direction).max()
     reach = abs(stop.gap) + sum(map(abs, stop.motion.values()))
