@@ -219,10 +219,11 @@ def test_a_motion_without_impacts_has_an_edge_from_rest_and_one_from_anywhere(qu
 
 def test_the_three_edges_are_said_where_they_differ(quiet):
     text = " ".join(str(quiet).split())
-    assert "up 15 % to 1.1543 N (lasting impacts from some initial conditions)" in text
-    assert "16 % to 1.1628 N (passing impacts from rest)" in text
-    assert "200 % to 3.00007 N (the motion first touches the stop; period-1 impact-1 at 3.00407 N)" in text
-    assert "(lasting impacts from rest)" in text, "below w = 2 they differ"
+    assert "1.1543 lasting impacts from some" in text
+    assert "1.1628 passing impacts from rest" in text
+    assert "3.00007 the motion first touches the" in text
+    assert "period-1 impact-1 at 3.00407" in text
+    assert "lasting impacts from rest" in text, "below w = 2 they differ"
     assert json.loads(json.dumps(quiet.to_dict(), allow_nan=False))["boundaries"][1]["from_some"]["half_width"] < 1e-6
 
 

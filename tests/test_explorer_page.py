@@ -361,7 +361,7 @@ def test_the_link_holds_speed_and_zoom_too(tab, browser):
 
 def test_what_cannot_be_read_behind_the_address_is_left_out_in_words(tab):
     tab.goto(f"{tab.address}?{QUICK}#portrait=1,0,nan,<b>")
-    until(tab, "document.getElementById('message').textContent.includes('cannot be read')")
+    until(tab, "document.getElementById('message').textContent.includes('is invalid and was ignored')")
     assert tab.evaluate("location.hash") == ""
     assert tab.locator("#message b").count() == 0
 

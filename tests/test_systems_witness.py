@@ -60,7 +60,7 @@ def test_stops_that_squeeze_a_mass_are_refused():
         vi.Stop(direction=1, gap=1.0, restitution=0.0),
         vi.Stop(direction=-1, gap=0.0, restitution=0.0, motion={1: -2.0}),
     ]
-    with pytest.raises(ValueError, match="no velocity leaves"):
+    with pytest.raises(ValueError, match="no velocity separates"):
         follow(linear(system(1, 0, 0, 1.0, stops, constant=[-9.0])), [0.5], [0.0])
 
 

@@ -264,7 +264,7 @@ class Stop(ByValue):
 
     @property
     def reach(self) -> float:
-        """An upper bound of |a . q| in contact, in m."""
+        """An upper bound of the size of a . q in contact, in m."""
         return float(abs(self.gap) + sum(map(abs, self.motion.values())))
 
     @property
