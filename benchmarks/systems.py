@@ -14,6 +14,7 @@ from benchmarks.measure import Job, interleaved, ratio
 from benchmarks.taylor import heyoka
 from vibroimpact import models
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
+from vibroimpact.backends.modal.sweep import SystemSweep
 from vibroimpact.indices import INDICES
 
 Results = dict[str, Any]
@@ -60,7 +61,14 @@ def sweep(system: vi.ImpactSystem, impacts: int, *indices: str, modal: bool = Fa
     If `modal`, one mass, too, goes to the engine of systems.
     """
     cells = system.cells({"omega": np.linspace(0.99, 1.01, CELLS) * system.omega})
-    measurement = Measurement(ImpactWindow(0, impacts), early_closing=False, indices=indices or ("std",), firsts=modal)
+    measurement = Measurement(ImpactWindow(0, impacts), early_closing=False, indices=indices or ("std",))
+
+    def by_modes() -> int:
+        work = SystemSweep(cells, measurement)
+        return sum(int(work.outcome(done)["impacts"].sum()) for done in work.finished(lambda: False))
+
+    if modal:
+        return by_modes
     engine = get_backend("cpu")
     return lambda: int(engine.indices(cells, measurement)["impacts"].sum())
 

@@ -88,7 +88,7 @@ def test_an_index_that_the_study_does_not_tell_and_what_one_zooms_to_are_compute
     explorer.start()
     assert explorer.wait(300)
     assert explorer.plane.stored.startswith("study.nc, 6 × 5")
-    with pytest.raises(ValueError, match=r"taken from study\.nc, 6 × 5 cells; use that file"):
+    with pytest.raises(ValueError, match=r"read from study\.nc, 6 × 5 cells; use that file"):
         export("nc", explorer)  # as if they were computed here
     assert len(np.unique(explorer.plane.values["std"])) <= 30
     for change in (lambda: explorer.zoom((1.99, 2.01), (0.99, 1.01)), explorer.undo):
