@@ -92,6 +92,20 @@ def test_a_column_of_beads_that_land_at_once_is_struck_as_the_witness_says(beads
         np.testing.assert_allclose(hits[name].values, [getattr(e, name) for e in known[:12]], rtol=1e-12)
 
 
+@pytest.mark.parametrize("gap", [0.05, 1.0, 20.0])
+@pytest.mark.parametrize("load", [50.0, 1e4])
+@pytest.mark.parametrize("drag", [0.5, 2.0])
+def test_a_stop_is_reached_by_what_a_constant_load_on_a_free_mass_drags_along(gap, load, drag):
+    """The load's work has no bound: no energy at the beginning says that a stop cannot be reached."""
+    stops = [vi.Stop(direction=[0.0, 1.0], gap=gap, restitution=0.6)]
+    dashpot = drag * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    model = system(np.eye(2), dashpot, np.diag([0.0, 1.0]), 1.0, stops, {1: [1e-3, 0.0]}, constant=[load, 0.0])
+    rest = np.zeros(2)
+    seen = follow(linear(model), rest, rest, impacts=5, most_periods=20, cut=1e-9 * model.velocity_scale).impacts
+    hits = impacts(model, len(seen[:5]), start=vi.State([0.0, 0.0], [0.0, 0.0]))
+    np.testing.assert_allclose(hits["time"].values, [event.time for event in seen[:5]], rtol=1e-9)
+
+
 def of_whole_numbers(rng):
     """Return a chain of small whole numbers and a speed: gaps of 0, r of 0 and 1, masses that nothing holds."""
     n = int(rng.integers(1, 4))

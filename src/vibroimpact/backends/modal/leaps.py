@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from vibroimpact.backends.base import Floats
 from vibroimpact.kernels.systems.layout import Layout
 from vibroimpact.kernels.systems.leap import FAR, HALF, WHOLE, WITHIN
+from vibroimpact.matrices import ROUNDING
 
 _TERMS = 30  # terms of a series over a leap: 2^31/31! is below rounding
 _AT_ONCE = 512  # cells per block: their series are kept term by term
 SLOW = 0.5  # largest change of a slow mode's curve over a far leap, relative to its value
+CAUTION = 1e-9  # of a barrier: taken off, far above rounding
 SAFE = 1.001  # margin on the least speed of certified leaps within a contact: far above rounding
 
 
@@ -23,38 +25,8 @@ def prepare_leaps(k: Layout, table: Floats) -> None:
     """Write the flows of leaps and the bounds of the clearances during leaps into the rows of cells."""
     for first in range(0, len(table), _AT_ONCE):
         _prepare(k, table[first : first + _AT_ONCE])
-        _set_barriers(k, table[first : first + _AT_ONCE])
     if k.compliant and k.modes == 1:
         _prepare_contacts(k, table)
-
-
-def _set_barriers(k: Layout, table: Floats) -> None:
-    """Leave what reaching each stop takes, and how fast loads can bring that: the head of `kernels.systems.reach`."""
-    n, s, m = k.modes, k.stops, k.harmonics
-    square, load, alpha, weight = (
-        _block(table, k.square, n),
-        _block(table, k.load, n),
-        _block(table, k.alpha, s, n),
-        _block(table, k.weight, n),
-    )
-    force, motion = _block(table, k.force, n, m, 2), _block(table, k.motion, s, m, 2)
-    damping, root = _block(table, k.damping, n, n), np.sqrt(weight)
-    sprung = square > 0.0
-    stiff = np.where(sprung, square, 1.0)
-    static = np.where(sprung, load / stiff, 0.0)
-    scaled = root[:, :, None] * damping / root[:, None]
-    scaled = 0.5 * (scaled + scaled.swapaxes(1, 2))
-    drags = np.linalg.eigvalsh(scaled).min(axis=-1) >= -1e-12 * np.abs(scaled).sum(axis=(1, 2))
-    give = np.einsum("csj,cj->cs", alpha**2, np.where(sprung, 1.0 / (weight * stiff), 0.0))
-    felt = (alpha != 0.0) & ~sprung[:, None]
-    room = _block(table, k.gap, s) - np.einsum("csj,cj->cs", alpha, static)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        barrier = room / np.sqrt(give)
-    still = drags & (motion == 0.0).all(axis=(1, 2, 3))
-    barrier = np.where(still[:, None] & ~felt.any(axis=-1) & np.isfinite(barrier), barrier, -np.inf)
-    power = np.sqrt((weight * np.hypot(force[..., 0], force[..., 1]).sum(axis=-1) ** 2).sum(axis=-1))
-    _block(table, k.static, n)[:], _block(table, k.barrier, s)[:] = static, (1.0 - 1e-9) * barrier
-    table[:, k.growth] = 1.0 / np.maximum(power, 1e-300)
 
 
 def _block(table: Floats, first: int, *shape: int) -> Floats:
@@ -69,6 +41,9 @@ def _prepare(k: Layout, table: Floats) -> None:
     force, motion = _block(table, k.force, n, m, 2), _block(table, k.motion, s, m, 2)
     damping, theta = _block(table, k.damping, n, n), _block(table, k.theta, 1)
     weight, loads = _block(table, k.weight, n), np.abs(load) + np.hypot(force[..., 0], force[..., 1]).sum(axis=-1)
+    _block(table, k.barrier, s)[:] = _barriers(k, table)
+    power = np.linalg.norm(np.sqrt(weight) * np.hypot(force[..., 0], force[..., 1]).sum(axis=-1), axis=-1)
+    table[:, k.growth] = 1.0 / np.maximum(power, np.finfo(float).tiny)
     lift, swings = _lift(square, load, force, motion, alpha, theta)
     _block(table, k.lift, s, n + 1 + 2 * m)[:] = lift
     diagonal = np.einsum("cjj->cj", damping)
@@ -91,6 +66,27 @@ def _prepare(k: Layout, table: Floats) -> None:
             flow = _twice(flow, n, m)
         flow = _spread(flow, n) if k.coupled else flow
         table[:, k.fars : k.fars + flow.shape[1]] = flow
+
+
+def _barriers(k: Layout, table: Floats) -> Floats:
+    """Return the root of twice the energy that reaching each stop takes: `kernels.systems.reach` gives the theory.
+
+    It is -inf if moving stops, negative damping or a constant load on a mode without a spring can bring any energy.
+    """
+    n, s = k.modes, k.stops
+    sprung, alpha = _block(table, k.square, n) > 0.0, _block(table, k.alpha, s, n)
+    root, damping = np.sqrt(_block(table, k.weight, n)), _block(table, k.damping, n, n)
+    drag = root[:, :, None] * damping / root[:, None]
+    drag = drag + drag.swapaxes(1, 2)
+    bounded = np.linalg.eigvalsh(drag).min(axis=-1) >= -n * ROUNDING * np.abs(drag).sum(axis=(1, 2))
+    bounded &= (sprung | (_block(table, k.load, n) == 0.0)).all(axis=-1)
+    bounded &= (_block(table, k.motion, s * 2 * k.harmonics) == 0.0).all(axis=-1)
+    held = ((alpha == 0.0) | sprung[:, None]).all(axis=-1) & bounded[:, None]
+    clear = _block(table, k.gap, s) - (alpha @ _block(table, k.steady, n)[..., None])[..., 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        barriers = clear / np.sqrt(_block(table, k.give, s))
+    lowered: Floats = np.where(held & np.isfinite(barriers), (1.0 - CAUTION) * barriers, -np.inf)
+    return lowered
 
 
 def slow_modes(square: Floats, damping: Floats, theta: Floats) -> NDArray[np.bool_]:

@@ -28,7 +28,7 @@ def _sizes(n: int, s: int, m: int, flow: int, thorough: bool, compliant: bool, f
     counts those and the ones that push, `pace` is the length of a step while they do, as a part of it, and `thrust`,
     `work`, `pushed`, `peak` and `depth` are impulse, energy taken, time, largest force and penetration of the
     contact; `drained` is the energy that dampers took. From `fixed` up to `constants` they are constant, with what it
-    takes to reach a stop (`static`, `barrier` and `growth` of `reach`), the addresses of laws of restitution (`law`,
+    takes to reach a stop (`barrier` and `growth` of `reach`), the addresses of laws of restitution (`law`,
     0 where it is a number), the length of a step in s (`tick`), the flows of leaps, `halves`, `wholes`, `fars` and
     those `within` contacts, `flow` numbers a mode, and `lift`, what accelerates the clearances. Of far leaps `slow`
     and `drawn` are the parts of `alpha` and `lift` that slow modes have, and `reach` is how far fast ones swing. Of a
@@ -44,7 +44,7 @@ def _sizes(n: int, s: int, m: int, flow: int, thorough: bool, compliant: bool, f
         "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
         "gap": s, "motion": 2 * m * s, "restitution": s, "law": s, "tick": 1,
         "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
-        "margin": s, "give": s, "static": n, "barrier": s, "growth": 1, "slide": n, "sliding": s * n,
+        "margin": s, "give": s, "barrier": s, "growth": 1, "slide": n, "sliding": s * n,
         "lift": s * (n + 1 + 2 * m), "halves": leap, "wholes": leap, "fars": leap * far, "slow": s * n * far,
         "drawn": s * (n + 1 + 2 * m) * far, "reach": s * (1 + 2 * n) * far,
         "within": 2 * s * (flow + 3) * (compliant and n == 1), "neutral": 2 * n * free, "constants": 0,

@@ -6,7 +6,8 @@ grows by the power of the harmonics alone: at fixed stops impacts, damping and f
 
     e(t) <= e(0) + |f| t,   |alpha . (eta - eta_0)| <= sqrt(alpha L^-1 M^-1 alpha) e,
 
-so that a clearance stays above zero until e has grown to its `barrier`, g - alpha eta_0 over that root.
+so that a clearance stays above zero until e has grown to its `barrier`, g - alpha eta_0 over that root. There is none
+where a constant load acts on a mode without a spring, as its work has no bound.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ def look_around(rows, k, wide):
     """Mark the stops that are remote, and leave for how long none of these can be reached."""
     level = 0.0 * get(rows, k.growth, wide)
     for j in range(k.modes):
-        y, p = get(rows, k.eta + j, wide) - get(rows, k.static + j, wide), get(rows, k.rate + j, wide)
+        y, p = get(rows, k.eta + j, wide) - get(rows, k.steady + j, wide), get(rows, k.rate + j, wide)
         energy = fma(get(rows, k.square + j, wide) * y, y, p * p)
         level = fma(get(rows, k.weight + j, wide), energy, level)
     if k.compliant and anywhere(get(rows, k.engaged, wide) > 0.0):
