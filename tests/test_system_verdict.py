@@ -162,6 +162,18 @@ def test_chaos_says_what_is_only_about_so():
     assert verdict.watched > 32_000
 
 
+@pytest.mark.parametrize(
+    ("name", "together"),
+    [("chaotic", False), ("period-40 impact-81", False), ("quasi-periodic", True), ("intermittent sticking", True)],
+)
+def test_only_motions_that_are_not_told_apart_are_said_to_count_as_one(name, together):
+    verdict = vi.describe(two_sided(), parameters=[])
+    motion = replace(verdict.attractors[0], name=name, share=1.0)
+    words = line(replace(verdict, attractors=(motion,)), "coexisting")
+    assert "settle to this motion" in words
+    assert (f"but all {name} motions count as one" in words) == together
+
+
 def test_a_mass_that_lies_on_its_stop_rests_there():
     still = vi.models.bouncing_ball(amplitude=1e-6)
     assert "from rest permanently in contact, at rest at table" in str(vi.describe(still, parameters=[]))

@@ -116,8 +116,8 @@ def attractors(
     Where every mode decays, impacts determine all coordinates. Impacts on a rigid stop with r = 1, or on an undamped
     compliant one, last where no damping reaches what they start: nothing attracts there, and what strikes such a stop
     is undecided. Chaotic motions are compared by boxes of the impact surfaces of all stops. All quasi-periodic motions
-    count as one attractor, by the rules of `classify`; so do motions that never hit again, also with a mode that
-    nothing damps. Below a second for a periodic system, seconds for a chaotic one.
+    count as one attractor, all that stick and never repeat as another, and all that never hit again as a third, also
+    with a mode that nothing damps. Below a second for a periodic system, seconds for a chaotic one.
 
     Examples
     --------

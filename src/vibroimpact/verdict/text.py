@@ -243,15 +243,15 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
     if named := not is_one_mass(design):
         sample += f", impacts on {listed(list(design.stop_names))}"
     if len(motions) == 1 and not undecided:
-        mixed = not design.forgets and not motions[0].repeats
-        comma, but = "," * named, f", but all {motions[0].name} motions count as one" * mixed
+        as_one = not design.forgets and motions[0].name in ("quasi-periodic", "intermittent sticking")
+        comma, but = "," * named, f", but all {motions[0].name} motions count as one" * as_one
         yield f"none found: {sample}{comma} settle to this motion{but}{_slow(motions[0])}"
         return
     if named and motions:
         yield f"of {sample}:"
         of = ""
     for motion in motions[:MOTIONS]:
-        lasting = " as far as it was watched" * (motion.name in ("chaotic", "quasi-periodic"))
+        lasting = " as far as it was watched" * (motion.chaotic or motion.name == "quasi-periodic")
         hit = f", hardest hit {speed(motion.max_velocity)}" if motion.max_velocity > 0.0 else ""
         hit += on_stop(motion.stop, named) if hit and motion.stop else ""
         rare = motion.share == 0.0 and not motion.from_rest
