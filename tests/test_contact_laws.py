@@ -12,7 +12,8 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import vibroimpact as vi
-from vibroimpact.contact import TRIED, hunt_crossley, kelvin_voigt, law_of, piecewise
+from vibroimpact.contact import hunt_crossley, kelvin_voigt, law_of, piecewise
+from vibroimpact.contact.rules import TRIED
 from vibroimpact.fingerprint import fingerprint
 
 TABLE = {"speeds": [0.1, 0.5, 2.0, 3.0], "values": [0.9, 0.8, 0.4, 0.4]}
@@ -169,3 +170,32 @@ def test_a_stop_with_a_law_has_no_restitution_for_a_parameter():
     with pytest.raises(ValueError, match="bar_restitution"):
         system.replace(bar_restitution=0.5)
     assert stop.rebound(TRIED).tolist() == law_of(softening)(TRIED).tolist()
+
+
+@pytest.mark.parametrize("r", [1.0, 1.0 - 1e-9, 0.6, math.exp(-2.0), 0.13, 1e-3, 1e-12])
+def test_the_damper_for_a_wanted_restitution_gives_it_to_the_contacts_of_a_stop(r):
+    stiffness, mass = 3e4, 0.7
+    damping = vi.contact.damping_for(r, stiffness, mass)
+    assert vi.contact.restitution_of(damping, stiffness, mass) == pytest.approx(r, rel=4e-15)
+    if r > 0.1:
+        pair = [vi.Stop(direction=a, gap=0.5, stiffness=stiffness, damping=damping) for a in (1.0, -1.0)]
+        between = vi.ImpactSystem(mass=mass, stiffness=0.0, force=vi.Force(omega=1.0), stops=pair)
+        hits = vi.impact_section(between, start=vi.State(0.0, 2.0), transient_impacts=0, sample_impacts=3)
+        assert hits["velocity"].values == pytest.approx([2.0, 2.0 * r, 2.0 * r**2], rel=1e-12)
+
+
+def test_the_damper_for_a_restitution_is_the_root_in_50_digits():
+    with mpmath.workdps(50):
+        for r in ("0.9", "0.6", "0.2"):
+            zeta = mpmath.findroot(
+                lambda z, r=r: 2 * z * mpmath.acos(z) / mpmath.sqrt(1 - z**2) + mpmath.log(mpmath.mpf(r)),
+                (0.01, 0.9), solver="anderson",
+            )  # fmt: skip
+            exact = float(2 * zeta * mpmath.sqrt(6))
+            assert vi.contact.damping_for(float(r), 2.0, 3.0) == pytest.approx(exact, rel=4e-15)
+
+
+@pytest.mark.parametrize("arguments", [(0.0, 1.0, 1.0), (1.1, 1.0, 1.0), (0.5, 0.0, 1.0), (0.5, 1.0, -1.0)])
+def test_no_damper_is_given_for_what_none_can_do(arguments):
+    with pytest.raises(ValueError, match="must be"):
+        vi.contact.damping_for(*arguments)
