@@ -247,6 +247,7 @@ def uses_of(model):
     return [
         (lambda: vi.simulate(model, periods=2, samples_per_period=20), ["time_history", "phase_portrait"]),
         (lambda: vi.impact_section(model, **few), ["impact_map"]),
+        (lambda: vi.impact_statistics(vi.simulate(model, periods=2), rest_time=0.1), ["impact_histogram"]),
         (lambda: vi.stroboscopic_section(model, sample_periods=5, transient_periods=2), ["stroboscopic_map"]),
         (lambda: vi.bifurcation_diagram(model, stop_1_gap=[gap, gap + 0.1], **few), ["bifurcation_diagram"]),
         (lambda: vi.bifurcation_diagram(model, omega=[1.3, 1.4], direction="up", **few), []),

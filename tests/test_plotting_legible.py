@@ -90,6 +90,7 @@ FIGURES = {
         vi.stroboscopic_section(REQUESTS[r][0].replace(gap=0.0, omega=0.25 * REQUESTS[r][0].natural_frequency))
     ),
     "impact-map": lambda r: plotting.impact_map(sweep(r, "hits")),
+    "impact-histogram": lambda r: plotting.impact_histogram(vi.impact_statistics(sweep(r, "hits"))),
     "bifurcation-diagram": lambda r: plotting.bifurcation_diagram(sweep(r, "diagram")),
     "bifurcation-diagram of displacements": lambda r: plotting.bifurcation_diagram(sweep(r, "heights")),
     "diagram with std": lambda r: plotting.diagram_with_index(sweep(r, "diagram"), sweep(r, "line")),

@@ -14,11 +14,13 @@ if TYPE_CHECKING:
     from vibroimpact.families import family
     from vibroimpact.files import load, save
     from vibroimpact.model import State
+    from vibroimpact.model.facets import facet_error, round_obstacle
     from vibroimpact.model.oscillator import ImpactOscillator
     from vibroimpact.model.stops import Force, Stop
     from vibroimpact.model.system import ImpactSystem
     from vibroimpact.motion.classes import classify
     from vibroimpact.motion.recognition import recognise
+    from vibroimpact.motion.statistics import impact_statistics
     from vibroimpact.options import Tolerances
     from vibroimpact.orbits import Orbit, find_orbit
     from vibroimpact.orbits.sticking_end import end_of_sticking
@@ -35,11 +37,13 @@ _NAMES = {
     "model.oscillator": "ImpactOscillator",
     "model.system": "ImpactSystem",
     "model.stops": "Force Stop",
+    "model.facets": "facet_error round_obstacle",
     "options": "Tolerances",
     "families": "family",
     "sections": "impact_map simulate impact_section stroboscopic_section",
     "status": "Status",
     "motion.recognition": "recognise",
+    "motion.statistics": "impact_statistics",
     "diagrams": "bifurcation_diagram",
     "sweeps": "parameter_map refined_map",
     "refinement": "to_uniform",
@@ -75,16 +79,19 @@ __all__ = [
     "describe",
     "end_of_sticking",
     "explore",
+    "facet_error",
     "family",
     "find_orbit",
     "impact_map",
     "impact_section",
+    "impact_statistics",
     "load",
     "models",
     "parameter_map",
     "plotting",
     "recognise",
     "refined_map",
+    "round_obstacle",
     "save",
     "simulate",
     "stroboscopic_section",

@@ -40,6 +40,7 @@ VARIABLES: dict[str, tuple[str, str, str]] = {
     "count": ("number of samples kept", "1", "N"),
     "clearance": ("clearance to the stop", "m", "u"),
     "force": ("force of the stop", "N", "F"),
+    "angle": ("angle of the facet that is struck", "deg", "theta"),
     **{name: (report.long_name, report.unit, report.symbol) for name, report in REPORTS.items()},
 } | {index.name: (index.long_name, index.units, index.symbol) for index in EVERY.values()}
 

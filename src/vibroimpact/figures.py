@@ -32,6 +32,7 @@ KINDS = {
     "phase-portrait": Kind("phase_portrait", ("simulate",)),
     "stroboscopic-map": Kind("stroboscopic_map", ("stroboscopic_section",)),
     "impact-map": Kind("impact_map", ("impact_section",)),
+    "impact-histogram": Kind("impact_histogram", ("impact_statistics",)),
     "bifurcation-diagram": Kind("bifurcation_diagram", ("bifurcation_diagram",)),
     "index-curve": Kind("index_curve", ("parameter_map",), axes=1),
     "index-contour": Kind("index_contour", ("parameter_map",), axes=2),

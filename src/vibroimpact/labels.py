@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -76,7 +77,11 @@ def _is_plain(samples: Any) -> bool:
 def _contacts(system: ImpactSystem, samples: Any) -> dict[str, Any]:
     """Return the quantities that stops of these kinds report for every contact."""
     names = dict.fromkeys([*Element.reports, *(name for stop in system.stops for name in stop.element.reports)])
-    return {name: variable(name, "impact", getattr(samples, REPORTS[name].field)) for name in names}
+    columns = {name: variable(name, "impact", getattr(samples, REPORTS[name].field)) for name in names}
+    angles = [math.nan if stop.angle is None else stop.angle for stop in system.stops]
+    if np.isfinite(angles).any():
+        columns["angle"] = variable("angle", "impact", np.array(angles)[samples.impact_stop])
+    return columns
 
 
 def _rests(model: Any, samples: Any) -> dict[str, Any]:

@@ -85,6 +85,7 @@ class ImpactOscillator:
     at_rest: ClassVar[str] = "rest at y = min(0, gap)"
     coordinates: ClassVar[int] = 1
     stop_names: ClassVar[tuple[str, ...]] = ("stop",)
+    groups: ClassVar[tuple[str, ...]] = stop_names
     says_all: ClassVar[bool] = True  # its parameters are all its numbers
     forgets: ClassVar[bool] = True  # phase and velocity of an impact are the whole state; a rest erases all memory
     step_cost: ClassVar[int] = 1  # cost of a certified step, the unit for other models

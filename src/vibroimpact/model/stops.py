@@ -24,6 +24,7 @@ from vibroimpact.parameters import (
     hertz,
     invalid,
     radians,
+    real_number,
     several,
     unknown,
     whole_number,
@@ -182,12 +183,17 @@ class Stop(ByValue):
     motion : mapping of int to complex, optional
         d_h in m by the order h >= 1 of the force's frequency: a real number is a sine, an imaginary one a cosine.
         A positive one moves the stop in the direction of a.
+    group : str, optional
+        The support that it is a part of; stops of one group are reported together.
+    angle : float, optional
+        For facets of a round obstacle (`round_obstacle`): where on the circle it stands, in degrees. Tables of impacts
+        list it.
 
     Raises
     ------
     ValueError
-        The direction is zero, the name is not a word, or a number is out of range; a compliant stop has a restitution,
-        or a rigid one has damping.
+        The direction is zero, the name or the group is not a word, or a number is out of range; a compliant stop has a
+        restitution, or a rigid one has damping.
 
     Notes
     -----
@@ -212,6 +218,8 @@ class Stop(ByValue):
     damping: float | None
     name: str | None
     motion: Mapping[int, complex]
+    group: str | None
+    angle: float | None
     element: Element  # the contact law and its numbers
 
     def __init__(
@@ -224,9 +232,12 @@ class Stop(ByValue):
         damping: float | None = None,
         name: str | None = None,
         motion: Mapping[int, complex] | None = None,
+        group: str | None = None,
+        angle: float | None = None,
     ) -> None:
-        if name is not None and not (isinstance(name, str) and name.isidentifier() and not keyword.iskeyword(name)):
-            raise invalid("name", name, "a word of letters, digits and underscores", "as in name='bar'")
+        for argument, word in (("name", name), ("group", group)):
+            if word is not None and not (isinstance(word, str) and word.isidentifier() and not keyword.iskeyword(word)):
+                raise invalid(argument, word, "a word of letters, digits and underscores", f"as in {argument}='bar'")
         form = vector("direction", direction)
         entries = form.tolist() if isinstance(form, np.ndarray) else form.values()
         if not max(map(abs, entries)) >= SMALLEST:
@@ -243,6 +254,8 @@ class Stop(ByValue):
             gap=NUMBERS["gap"].check(gap),
             name=name,
             motion=MappingProxyType(waves),
+            group=group,
+            angle=None if angle is None else real_number("angle", angle),
             element=element,
             **dict.fromkeys(contact) | vars(element),
         )
@@ -255,6 +268,7 @@ class Stop(ByValue):
             **vars(self.element),
             "name": self.name,
             "motion": dict(self.motion),
+            **{name: value for name in ("group", "angle") if (value := getattr(self, name)) is not None},
         }
 
     @property
@@ -334,7 +348,36 @@ def named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
         if reserved or names.count(name) > 1:
             owner = "a parameter" if reserved else "another stop"
             raise ValueError(f"`stops[{at}].name` {name!r} is also the name of {owner}; give each stop its own name")
+    _check_groups([stop for stop in named if stop.group], names)
+    _check_places(named)
     return named
+
+
+def _check_groups(stops: Sequence[Stop], names: Sequence[str | None]) -> None:
+    """Raise if a group is a single stop, or has the name of a stop outside it."""
+    for stop in stops:
+        members = [other.name for other in stops if other.group == stop.group]
+        if len(members) < 2:
+            raise ValueError(
+                f"`group` {stop.group!r} has only one stop, {stop.name!r}; give all sides of a support the same group, "
+                "or leave it out"
+            )
+        if stop.group in names and stop.group not in members:
+            raise ValueError(f"`group` {stop.group!r} is also the name of a stop outside it; choose another name")
+
+
+def _check_places(stops: Sequence[Stop]) -> None:
+    """Raise if a rigid stop is there twice: which of the two is struck is undefined."""
+    places: dict[Any, str | None] = {}
+    for stop in stops:
+        if stop.element.impenetrable:
+            place = (*stop.direction.tolist(), stop.gap, *stop.motion.items())
+            if place in places:
+                raise ValueError(
+                    f"`stops` {places[place]!r} and {stop.name!r} are at the same place, with the same direction and "
+                    "gap; leave one of them out"
+                )
+            places[place] = stop.name
 
 
 def check_room(stops: Sequence[Stop], mass: Any) -> None:

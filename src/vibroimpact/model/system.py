@@ -213,6 +213,11 @@ class ImpactSystem(ByValue):
         """The names of the stops."""
         return tuple(str(stop.name) for stop in self.stops)
 
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """The support that each stop is a part of; a stop without a group is one by itself."""
+        return tuple(str(stop.group or stop.name) for stop in self.stops)
+
     @cached_property
     def parameters(self) -> Mapping[str, Parameter]:
         """The parameters that an axis may vary, by name."""

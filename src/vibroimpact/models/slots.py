@@ -14,7 +14,7 @@ def slot(
     clearance: float,
     amplitude: float | None = None,
     restitutions: tuple[float | None, float | None] = (None, None),
-    **contact: float,
+    **contact: Any,
 ) -> list[Stop]:
     """Return the two ends of a slot along direction . q, each at half of the clearance at q = 0.
 

@@ -27,6 +27,7 @@ from vibroimpact.plotting.maps import boundary_lines, index_contour, index_scatt
 from vibroimpact.plotting.motions import basin_portrait, exponent_map, motion_map
 from vibroimpact.plotting.orbits import phase_portrait, time_history
 from vibroimpact.plotting.sections import impact_map, stroboscopic_map
+from vibroimpact.plotting.statistics import impact_histogram
 from vibroimpact.plotting.style import SAMPLE_DIMS
 
 PIXEL = 8  # bytes per pixel, of the canvas and of the file
@@ -42,6 +43,7 @@ __all__ = [
     "default_kind",
     "diagram_with_index",
     "exponent_map",
+    "impact_histogram",
     "impact_map",
     "index_contour",
     "index_curve",
@@ -115,7 +117,7 @@ def default_kind(dataset: xr.Dataset) -> str:
         return kinds[0]
     raise ValueError(
         "`dataset` must be a result of simulate, a section, bifurcation_diagram, parameter_map over one or two axes, "
-        f"continue_orbit, boundary_curves, basins or compare, got {len(axes)} axes; "
+        f"continue_orbit, boundary_curves, basins, impact_statistics or compare, got {len(axes)} axes; "
         "select values of further axes with .sel"
     )
 

@@ -16,6 +16,7 @@ from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along
 from vibroimpact.motion.recognition import recognise, recurrence
 from vibroimpact.parameters import counted, hertz, times
 from vibroimpact.report.quantities import axis_range, initial_condition, quantity, spaced, span
+from vibroimpact.report.statistics import statistics_sentences
 from vibroimpact.report.sweeps import diagram_sentences, map_sentences
 from vibroimpact.report.systems import each_stop, moving_columns, system_sentence
 from vibroimpact.status import Status
@@ -269,6 +270,7 @@ def _comparison(dataset: xr.Dataset) -> Iterator[str]:
 _SUMMARIES: dict[str, Callable[[xr.Dataset], Iterator[str]]] = {
     "simulate": _simulation,
     "impact_section": _impacts,
+    "impact_statistics": statistics_sentences,
     "stroboscopic_section": _stroboscopic,
     "bifurcation_diagram": diagram_sentences,
     "parameter_map": map_sentences,

@@ -75,15 +75,19 @@ def _sampled(verdict: Verdict) -> str:
 
 
 def _on_each_stop(verdict: Verdict, hits: Sequence[tuple[float, float]]) -> Iterator[str]:
-    chatters = verdict.motion.n_impacts < 0
-    for name in verdict.oscillator.stop_names:
-        struck = [hit for hit, stop in zip(hits, verdict.stops, strict=True) if stop == name]
+    """Yield the impacts of a cycle support by support, and which supports have none."""
+    chatters, design, silent = verdict.motion.n_impacts < 0, verdict.oscillator, []
+    support_of = dict(zip(design.stop_names, design.groups, strict=True))
+    for name in dict.fromkeys(design.groups):
+        struck = [hit for hit, stop in zip(hits, verdict.stops, strict=True) if support_of[stop] == name]
         if not struck:
-            yield f"{name}: none"
+            silent.append(name)
         elif chatters:
             yield f"{name}: hardest {_at_phase(*max(struck))}"
         else:
             yield f"{name}: {counted(len(struck), 'impact')} per cycle, {_cycle_impacts(struck)}"
+    if silent:
+        yield f"{listed(silent)}: none"
     if chatters:
         yield "in its cycle it comes to rest at a stop after infinitely many impacts"
 
