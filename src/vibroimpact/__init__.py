@@ -15,8 +15,9 @@ if TYPE_CHECKING:
     from vibroimpact.files import load, save
     from vibroimpact.model import State
     from vibroimpact.model.facets import facet_error, round_obstacle
+    from vibroimpact.model.force import Force
     from vibroimpact.model.oscillator import ImpactOscillator
-    from vibroimpact.model.stops import Force, Stop
+    from vibroimpact.model.stops import Stop
     from vibroimpact.model.system import ImpactSystem
     from vibroimpact.motion.classes import classify
     from vibroimpact.motion.recognition import recognise
@@ -36,7 +37,8 @@ _NAMES = {
     "model": "State",
     "model.oscillator": "ImpactOscillator",
     "model.system": "ImpactSystem",
-    "model.stops": "Force Stop",
+    "model.force": "Force",
+    "model.stops": "Stop",
     "model.facets": "facet_error round_obstacle",
     "options": "Tolerances",
     "families": "family",

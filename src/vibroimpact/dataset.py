@@ -16,8 +16,9 @@ from vibroimpact.cells import FASTEST
 from vibroimpact.indices import EVERY
 from vibroimpact.model import Model, State
 from vibroimpact.model.elements import REPORTS
+from vibroimpact.model.force import Force
 from vibroimpact.model.oscillator import ImpactOscillator
-from vibroimpact.model.stops import Force, Stop
+from vibroimpact.model.stops import Stop
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.parameters import Parameter
 from vibroimpact.status import Status

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.model.stops import STOPS, Stop, vector
+from vibroimpact.model.force import vector
+from vibroimpact.model.stops import STOPS, Stop
 from vibroimpact.parameters import OF_ONE_MASS, invalid, real_number, whole_number
 
 

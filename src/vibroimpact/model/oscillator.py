@@ -150,7 +150,8 @@ class ImpactOscillator:
     @cached_property
     def system(self) -> ImpactSystem:
         """The same oscillator as a system of one coordinate in front of one rigid stop."""
-        from vibroimpact.model.stops import Force, Stop
+        from vibroimpact.model.force import Force
+        from vibroimpact.model.stops import Stop
         from vibroimpact.model.system import ImpactSystem
 
         force = Force(omega=self.omega, harmonics={1: self.amplitude})

@@ -1,4 +1,4 @@
-"""The periodic force and the stops of a system, and the checks of their numbers."""
+"""The stops of a system, and the checks of their numbers."""
 
 from __future__ import annotations
 
@@ -17,137 +17,15 @@ from vibroimpact.by_value import ByValue, written
 from vibroimpact.contact import Law
 from vibroimpact.matrices import ROUNDING, nearest, numbers
 from vibroimpact.model.elements import NUMBERS, Element, element_of
+from vibroimpact.model.force import by_order, check_length, vector
 from vibroimpact.parameters import (
-    OF_ONE_MASS,
     SMALLEST,
-    counted,
-    hertz,
     invalid,
-    radians,
     real_number,
     several,
-    unknown,
-    whole_number,
 )
 
 STOPS = 64  # at most: a set of stops is the bits of a number
-
-
-def vector(name: str, value: Any, kind: type = np.float64) -> Any:
-    """Return a vector over the coordinates, read-only, or a mapping from names of points to numbers."""
-    if type(value) is float or not isinstance(value, Mapping):
-        return numbers(name, value, 1, kind)
-    if not value:
-        raise invalid(name, value, "a list of numbers, or a mapping from names of points to numbers")
-    return MappingProxyType({key: numbers(f"{name}[{key!r}]", entry, 0, kind).item() for key, entry in value.items()})
-
-
-def check_length(name: str, value: Any, n: int) -> None:
-    """Raise unless a vector has n numbers, one per coordinate."""
-    if isinstance(value, np.ndarray) and len(value) == n:
-        return
-    wanted = f"{counted(n, 'number')}, one per coordinate"
-    if isinstance(value, np.ndarray):
-        raise ValueError(f"`{name}` must have {wanted}, got {len(value)}")
-    points = ", ".join(map(str, value))
-    raise ValueError(f"`{name}` refers to points ({points}), which only ImpactSystem.from_modes has; give {wanted}")
-
-
-def _by_order(name: str, amplitudes: Any) -> dict[int, Any]:
-    """Return the values by the order of the harmonic, ascending."""
-    if amplitudes is None:
-        return {}
-    if type(amplitudes) is not dict and not isinstance(amplitudes, Mapping):
-        raise invalid(name, amplitudes, "a mapping from the order of a harmonic to its amplitude", "write {1: ...}")
-    return dict(sorted((whole_number(f"{name} key", order, 1), value) for order, value in amplitudes.items()))
-
-
-@dataclass(frozen=True, init=False, eq=False, repr=False)
-class Force(ByValue):
-    r"""The load on a system: a constant and any number of harmonics of one frequency.
-
-    .. math:: p(t) = p_0 + \sum_h \mathrm{Im}\left(p_h e^{i h \omega t}\right)
-
-    Parameters
-    ----------
-    omega : float, > 0
-        Angular frequency in rad/s. It also applies to moving stops, and it sets the period T = 2 pi/omega even if the
-        first harmonic is missing. An unforced system needs a frequency too: ``Force(omega=1.0)``.
-    frequency : float, > 0
-        Frequency in Hz, instead of `omega`.
-    harmonics : mapping of int to sequence of n complex
-        p_h in N by the order h >= 1: a real number is a sine, an imaginary one a cosine.
-    constant : sequence of n float, optional
-        p_0 in N; zero by default.
-
-    Raises
-    ------
-    ValueError
-        Neither or both of `omega` and `frequency` are given, a number is out of range, or an order is not a whole
-        number >= 1.
-
-    Notes
-    -----
-    For one coordinate, numbers may replace sequences. In `ImpactSystem.from_modes`, mappings from names of points to
-    forces replace them.
-
-    Examples
-    --------
-    >>> Force(omega=112.0, harmonics={1: [5.0, 0.0], 3: [0.2j, 0.0]}).harmonics[3]
-    array([0.+0.2j, 0.+0.j ])
-    >>> Force(frequency=50.0, constant=-9.81)
-    Force(omega=314.1592653589793, constant=[-9.81])
-    """
-
-    omega: float
-    harmonics: Mapping[int, Any]
-    constant: Any
-
-    def __init__(
-        self,
-        *,
-        omega: float | None = None,
-        frequency: float | None = None,
-        harmonics: Mapping[int, Any] | None = None,
-        constant: Any = None,
-    ) -> None:
-        if (omega is None) == (frequency is None):
-            raise ValueError(
-                f"give either `omega` (rad/s) or `frequency` (Hz), got {omega!r} and {frequency!r}; "
-                "an unforced system needs one too, since it sets the period"
-            )
-        if frequency is not None:
-            omega = radians(OF_ONE_MASS["frequency"].check(frequency))
-        vectors = {
-            order: vector(f"harmonics[{order}]", value, np.complex128)
-            for order, value in _by_order("harmonics", harmonics).items()
-        }
-        vars(self).update(  # the constructor of a frozen class must do this; it is fast, since families make thousands
-            omega=OF_ONE_MASS["omega"].check(omega),
-            harmonics=MappingProxyType(vectors),
-            constant=None if constant is None else vector("constant", constant),
-        )
-
-    def arguments(self) -> dict[str, Any]:
-        """Return the arguments of the constructor by name."""
-        return {"omega": self.omega, "harmonics": dict(self.harmonics), "constant": self.constant}
-
-    @property
-    def frequency(self) -> float:
-        """Frequency in Hz."""
-        return float(hertz(self.omega))
-
-    @property
-    def vectors(self) -> dict[str, Any]:
-        """The vectors over coordinates or points, by name."""
-        vectors = {f"harmonics[{order}]": value for order, value in self.harmonics.items()}
-        return vectors | ({} if self.constant is None else {"constant": self.constant})
-
-
-def check_force(force: Any) -> None:
-    """Raise unless this is a Force."""
-    if not isinstance(force, Force):
-        raise invalid("force", force, "a Force", "write Force(omega=1.0) for an unforced system: it sets the period")
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -247,7 +125,7 @@ class Stop(ByValue):
         element = element_of(contact)
         waves = {
             order: complex(numbers(f"motion[{order}]", value, 0, np.complex128).item())
-            for order, value in _by_order("motion", motion).items()
+            for order, value in by_order("motion", motion).items()
         }
         vars(self).update(
             direction=form,
@@ -410,27 +288,3 @@ def warn_of_short_contacts(stops: Sequence[Stop], mass: NDArray[np.float64], per
             struck = 1.0 / (stop.direction @ np.linalg.solve(mass, stop.direction))
             if words := stop.element.too_short(struck, period):
                 warnings.warn(f"a contact with {stop.name!r} {words}", stacklevel=4)
-
-
-def names_of_points(points: Any, count: int) -> tuple[str, ...]:
-    """Return the names of the rows of a table of modes; None names them by position."""
-    if points is None:
-        return tuple(f"point_{at}" for at in range(1, count + 1))
-    allowed = f"{count} different names, one per row of `shapes`"
-    names = several("points", points, allowed)
-    if len(names) != count or not all(isinstance(name, str) for name in names) or len(set(names)) != count:
-        raise invalid("points", points, allowed)
-    return names
-
-
-def over_modes(name: str, value: Any, points: Sequence[str], shapes: NDArray[np.float64]) -> NDArray[Any]:
-    """Return the vector over modes that corresponds to a vector over points, by the rows of their mode shapes."""
-    if isinstance(value, Mapping):
-        for point in value:
-            if point not in points:
-                raise unknown("point", point, points)
-        value = np.array([value.get(point, 0.0) for point in points])
-    if len(value) != len(points):
-        raise ValueError(f"`{name}` must have {len(points)} numbers, one per point, got {len(value)}")
-    modal: NDArray[Any] = value @ shapes
-    return modal

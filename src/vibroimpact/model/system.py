@@ -16,19 +16,9 @@ from vibroimpact.cells import Floats
 from vibroimpact.matrices import ROUNDING, matrices, nearest, table_of_modes
 from vibroimpact.model import State, check_names
 from vibroimpact.model.elements import NUMBERS
+from vibroimpact.model.force import Force, check_force, check_length, names_of_points, over_modes
 from vibroimpact.model.modal import FREE, ModalForm, modal_form, velocity_scale
-from vibroimpact.model.stops import (
-    Force,
-    Stop,
-    check_force,
-    check_length,
-    check_room,
-    named_stops,
-    names_of_points,
-    over_modes,
-    several_stops,
-    warn_of_short_contacts,
-)
+from vibroimpact.model.stops import Stop, check_room, named_stops, several_stops, warn_of_short_contacts
 from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.parameters import OF_ONE_MASS, Parameter, Scale, check_one, counted, invalid, radians
 
@@ -192,16 +182,15 @@ class ImpactSystem(ByValue):
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the constructor by name."""
-        linear = {"mass": self.mass, "damping": self.damping, "stiffness": self.stiffness}
-        return {**linear, "force": self.force, "stops": self.stops}
+        return {name: getattr(self, name) for name in ("mass", "damping", "stiffness", "force", "stops")}
 
     def __repr__(self) -> str:
         values = (f"{name}={value!r}" for name, value in self.values.items())
         return f"ImpactSystem({counted(self.coordinates, 'coordinate')}, {', '.join(values)})"
 
     def __str__(self) -> str:
-        words = f"ImpactSystem of {counted(self.coordinates, 'coordinate')}"
-        return words + (f" with {', '.join(self.stop_names)}" if self.stops else "")
+        stops = f" with {', '.join(self.stop_names)}" * bool(self.stops)
+        return f"ImpactSystem of {counted(self.coordinates, 'coordinate')}{stops}"
 
     @property
     def coordinates(self) -> int:
@@ -242,9 +231,8 @@ class ImpactSystem(ByValue):
         checked = {name: self.parameters[name].check(value) for name, value in changes.items()}
         if "frequency" in checked:
             checked["omega"] = radians(checked["frequency"])
-        force, omega = self.force, checked.get("omega", self.omega)
-        if omega != self.omega:
-            force = Force(**{**force.arguments(), "omega": omega})
+        omega = checked.get("omega", self.omega)
+        force = self.force if omega == self.omega else Force(**{**self.force.arguments(), "omega": omega})
         stops = tuple(stop.at(checked) for stop in self.stops)
         changed = object.__new__(ImpactSystem)  # the matrices are checked already
         vars(changed).update(self.arguments() | {"force": force, "stops": stops})
@@ -384,8 +372,7 @@ class ImpactSystem(ByValue):
             for name, depth, most, bars in zip(self.stop_names, beyond, n * ROUNDING * size, self._bars, strict=True)
             if bars and depth > most
         ]
-        if violations:
-            where = " and ".join(violations)
+        if where := " and ".join(violations):
             raise ValueError(f"`{argument}` lies beyond {where} at time {start.time:g}; start in front of them")
         return q, speed, start.time
 
@@ -400,5 +387,4 @@ class ImpactSystem(ByValue):
 
     def _bounds(self, time: float) -> Floats:
         """Return a . q at contact for every stop at a given time."""
-        bounds: Floats = np.array([stop.gap + stop.shift(self.omega * time) for stop in self.stops], np.float64)
-        return bounds
+        return np.array([stop.gap + stop.shift(self.omega * time) for stop in self.stops], np.float64)

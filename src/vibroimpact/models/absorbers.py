@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.model.stops import Force, Stop
+from vibroimpact.model.force import Force
+from vibroimpact.model.stops import Stop
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.models.arguments import checked, first_given
 from vibroimpact.models.slots import slot

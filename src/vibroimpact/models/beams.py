@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from vibroimpact.model.stops import Force, Stop
+from vibroimpact.model.force import Force
+from vibroimpact.model.stops import Stop
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.models.arguments import checked, sharing
 from vibroimpact.models.beam_modes import beam_modes, moving_row

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from vibroimpact.model.stops import Force, Stop
+from vibroimpact.model.force import Force
+from vibroimpact.model.stops import Stop
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.models.arguments import checked
 from vibroimpact.models.slots import slot

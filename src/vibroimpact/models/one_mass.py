@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
+from vibroimpact.model.force import Force
 from vibroimpact.model.oscillator import ImpactOscillator
-from vibroimpact.model.stops import Force, Stop
+from vibroimpact.model.stops import Stop
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.models.arguments import checked, first_given
 from vibroimpact.parameters import critical_damping

@@ -19,7 +19,7 @@ def mirror(system: ImpactSystem) -> tuple[tuple[int, ...], str]:
     Examples
     --------
     >>> from vibroimpact.model.system import ImpactSystem
-    >>> from vibroimpact.model.stops import Force
+    >>> from vibroimpact.model.force import Force
     >>> stops = [Stop(direction=1, gap=0.5), Stop(direction=-1, gap=0.5)]
     >>> mirror(ImpactSystem(mass=1.0, stiffness=1.0, force=Force(omega=2.0, harmonics={1: 1.0}), stops=stops))
     ((1, 0), '')
