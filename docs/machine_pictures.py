@@ -55,6 +55,7 @@ PICTURES = {
     "pinned_beam_with_stop": Picture("beam at its stop"),
     "tube_in_supports": Picture("tube in first support"),
     "clamped_tube_in_supports": Picture("tube in first support"),
+    "tube_in_many_supports": Picture("tube in first support"),
 }
 
 

@@ -43,6 +43,19 @@ VARIABLES: dict[str, tuple[str, str, str]] = {
     "force": ("force of the stop", "N", "F"),
     "angle": ("angle of the facet that is struck", "deg", "theta"),
     **{name: (report.long_name, report.unit, report.symbol) for name, report in REPORTS.items()},
+    "impacts": ("impacts", "1", "N"),
+    "bursts": ("bursts of impacts, those within the rest time as one", "1", "N_b"),
+    "rate": ("impacts per second", "1/s", "N/T"),
+    "rms_velocity": ("rms impact velocity", "m/s", "rms I"),
+    "mean_impulse": ("mean impulse of an impact", "N s", "<P>"),
+    "max_impulse": ("largest impulse of an impact", "N s", "max P"),
+    "power": ("energy lost at the stop per time", "W", "W"),
+    "rest_fraction": ("time at rest at the stop over all time", "1", "T_r/T"),
+    "mean_peak_force": ("mean of the largest forces of contacts", "N", "<F>"),
+    "mean_contact_time": ("mean duration of a contact", "s", "<t_c>"),
+    "contact_fraction": ("time in contact over all time", "1", "T_c/T"),
+    "max_penetration": ("deepest penetration", "m", "max d"),
+    "number": ("impacts in a class of velocities", "1", "N"),
 } | {index.name: (index.long_name, index.units, index.symbol) for index in EVERY.values()}
 
 SYMBOLS = {entry.symbol: name for name, entry in ImpactOscillator.parameters.items() if not entry.replaces}

@@ -11,7 +11,7 @@ import numpy as np
 
 from vibroimpact.by_value import ByValue, written
 from vibroimpact.cells import Floats
-from vibroimpact.contact.rules import MAKERS, TRIED, Formula
+from vibroimpact.contact.rules import MAKERS, TRIED
 from vibroimpact.fingerprint import fingerprint
 from vibroimpact.parameters import invalid
 
@@ -41,7 +41,7 @@ class Law(ByValue):
 
     kind: str
     given: Mapping[str, Any]
-    formula: Formula
+    formula: Any  # how it is computed, a `rules.Formula`
     code: float  # identifies the compiled code: a whole number below 2^53
     mark: float  # identifies the law, except for its number
 
@@ -56,12 +56,13 @@ class Law(ByValue):
     @property
     def constant(self) -> float | None:
         """The value of r if it is the same at all speeds, else None."""
-        return self.formula.constant
+        constant: float | None = self.formula.constant
+        return constant
 
     @property
     def number(self) -> float:
         """The number that is passed to the rule."""
-        return self.formula.number
+        return float(self.formula.number)
 
     def __call__(self, v: Any) -> Any:
         """Return r at speeds v in m/s."""

@@ -25,7 +25,7 @@ from vibroimpact.models.one_mass import (
     two_sided_oscillator,
     unbalanced_machine,
 )
-from vibroimpact.models.tubes import clamped_tube_in_supports, tube_in_supports
+from vibroimpact.models.tubes import clamped_tube_in_supports, tube_in_many_supports, tube_in_supports
 
 __all__ = [
     "base_excited_oscillator",
@@ -40,6 +40,7 @@ __all__ = [
     "impact_damper",
     "impact_pair",
     "pinned_beam_with_stop",
+    "tube_in_many_supports",
     "tube_in_supports",
     "tuned_mass_damper",
     "two_sided_oscillator",

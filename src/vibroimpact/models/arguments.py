@@ -98,6 +98,7 @@ _TUBES = [
     Parameter("steady_force_per_length", "steady force per length", "N/m", "steady_force_per_length"),
     _place("first_support_at", "first support"),
     _place("second_support_at", "second support"),
+    Parameter("supports", "number of supports", "1", "supports", 1.0, 32.0, whole=True),
     _positive("diametral_clearance", "diametral clearance in the supports", "m"),
 ]
 _SIDES = [

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -16,8 +17,7 @@ from vibroimpact.parameters import invalid
 
 _SIDES = {"upper": 1.0, "lower": -1.0}  # of a support
 _OF_TUBES = r"""
-.. math:: E I w'''' + m' \ddot w + \mathrm{damping} = f_0 + f \sin \omega t, \qquad |w(x_1)| \le c/2, \quad
-          |w(x_2)| \le c/2, \\
+.. math:: E I w'''' + m' \ddot w + \mathrm{damping} = f_0 + f \sin \omega t, \qquad |w(x_i)| \le c/2, \\
           m' = \rho A + \rho_i A_i + C_m \rho_o \pi D^2/4
 
 Parameters
@@ -28,7 +28,7 @@ outer_diameter, wall_thickness : float, > 0
     D and t in m; t is less than D/2.
 youngs_modulus : float, > 0
     E in Pa.
-Density of the tube, rho, in kg/m^3.
+density : float, > 0
     rho of the tube in kg/m^3.
 inner_fluid_density, outer_fluid_density : float, >= 0
     rho_i and rho_o in kg/m^3.
@@ -41,34 +41,48 @@ force_per_length, steady_force_per_length : float
     f >= 0 and f_0 in N/m, uniform along the tube; drag or weight presses the tube to one side.
 frequency : float, > 0
     Frequency of f in Hz, such as that of vortex shedding.
-first_support_at, second_support_at : float, 0 to 1
-    x_1 and x_2 divided by the length, away from the ends.
+%(places)s
 diametral_clearance : float, > 0
     c in m, diameter of the hole minus D.
 restitution : float, 0 to 1
-    Restitution in both supports.
-first_upper_restitution, first_lower_restitution : float, 0 to 1, optional
-    Restitution at one side of the first support, where it differs.
-second_upper_restitution, second_lower_restitution : float, 0 to 1, optional
-    Restitution at one side of the second support, where it differs.
-modes : int, 1 to 12
+    Restitution in all supports.
+%(sides)smodes : int, 1 to 12
     The number of modes.
 
 Returns
 -------
 ImpactSystem
-    Its coordinates are modal, in m sqrt(kg) with M = I; the stops are `first_upper`, `first_lower`, `second_upper`,
-    `second_lower`.
+    Its coordinates are modal, in m sqrt(kg) with M = I; %(stops)s.
 
 Raises
 ------
 ValueError
-    A number is out of range, or a support is at an end.
+    A number is out of range%(at_end)s.
 """
+_OF_TWO = _OF_TUBES % {
+    "places": """first_support_at, second_support_at : float, 0 to 1
+    x_1 and x_2 divided by the length, away from the ends.""",
+    "sides": """first_upper_restitution, first_lower_restitution : float, 0 to 1, optional
+    Restitution at one side of the first support, where it differs.
+second_upper_restitution, second_lower_restitution : float, 0 to 1, optional
+    Restitution at one side of the second support, where it differs.
+""",
+    "stops": """the stops are `first_upper`, `first_lower` of the group
+    `first`, and `second_upper`, `second_lower` of the group `second`""",
+    "at_end": ", or a support is at an end",
+}
+_OF_MANY = _OF_TUBES % {
+    "places": """supports : int, 1 to 32
+    n; support i is at x_i = i L/(n + 1).""",
+    "sides": "",
+    "stops": """the stops are `support_1_upper`, `support_1_lower` of
+    the group `support_1`, and so on""",
+    "at_end": "",
+}
 
 
 @checked
-@sharing(_OF_TUBES)
+@sharing(_OF_TWO)
 def tube_in_supports(
     *,
     length: float = 1.5,
@@ -120,11 +134,11 @@ def tube_in_supports(
     >>> tube.clearances([0.0, 0.0, 0.0]).tolist()
     [0.0004, 0.0004, 0.0004, 0.0004]
     """
-    return _tube("pinned-pinned", locals())
+    return _tube("pinned-pinned", locals(), ("first", "second"))
 
 
 @checked
-@sharing(_OF_TUBES)
+@sharing(_OF_TWO)
 def clamped_tube_in_supports(
     *,
     length: float = 1.5,
@@ -167,11 +181,59 @@ def clamped_tube_in_supports(
     >>> (clamped_tube_in_supports().natural_frequencies / (2 * np.pi)).round(2).tolist()
     [35.69, 98.39, 192.89]
     """
-    return _tube("clamped-clamped", locals())
+    return _tube("clamped-clamped", locals(), ("first", "second"))
 
 
-def _tube(ends: str, numbers: Mapping[str, float]) -> ImpactSystem:
-    """Return a tube with given end conditions, from the arguments that both tubes share."""
+@checked
+@sharing(_OF_MANY)
+def tube_in_many_supports(
+    *,
+    length: float = 3.0,
+    outer_diameter: float = 0.019,
+    wall_thickness: float = 1.6e-3,
+    youngs_modulus: float = 2e11,
+    density: float = 7900.0,
+    inner_fluid_density: float = 1000.0,
+    outer_fluid_density: float = 1000.0,
+    added_mass_coefficient: float = 1.5,
+    damping_ratio: float = 0.015,
+    force_per_length: float = 10.0,
+    steady_force_per_length: float = 0.0,
+    frequency: float = 16.0,
+    supports: int = 4,
+    diametral_clearance: float = 0.8e-3,
+    restitution: float = 0.6,
+    modes: int = 6,
+) -> ImpactSystem:
+    r"""Return a heat exchanger tube, clamped in two tube sheets, that rattles in evenly spaced supports with clearance.
+
+    Sketch: a tube rolled into a tube sheet at each end, in water; between them plates at equal distances, each with a
+    hole that leaves a clearance of half `diametral_clearance` above and below. The flow excites the tube along its
+    whole length.
+
+    Notes
+    -----
+    A support at a node of a mode does not see it: give more modes than supports. Left out: what `tube_in_supports`
+    leaves out, and the axial load of a cold or hot tube between stiff sheets.
+
+    References
+    ----------
+    R. D. Blevins, Flow-Induced Vibration, 2nd edition, 1990.
+
+    Examples
+    --------
+    >>> tube = tube_in_many_supports()
+    >>> len(tube.stops), sorted(set(tube.groups))
+    (8, ['support_1', 'support_2', 'support_3', 'support_4'])
+    """
+    return _tube("clamped-clamped", locals(), [f"support_{at}" for at in range(1, int(supports) + 1)])
+
+
+def _tube(ends: str, numbers: Mapping[str, Any], supports: Sequence[str]) -> ImpactSystem:
+    """Return a tube with given end conditions, from the arguments that all tubes share and the names of supports.
+
+    Supports stand where an argument puts them, or at equal distances.
+    """
     length, outer, wall_thickness = numbers["length"], numbers["outer_diameter"], numbers["wall_thickness"]
     inner = outer - 2.0 * wall_thickness
     if inner <= 0.0:
@@ -183,13 +245,13 @@ def _tube(ends: str, numbers: Mapping[str, float]) -> ImpactSystem:
     outside = numbers["added_mass_coefficient"] * numbers["outer_fluid_density"] * disc
     per_length = numbers["density"] * wall + inside + outside
     shapes = beam_modes(ends, int(numbers["modes"]))
-    rows = [moving_row(name, numbers[name], shapes) for name in ("first_support_at", "second_support_at")]
-    sides = {f"{support}_{side}": {support: sign} for support in ("first", "second") for side, sign in _SIDES.items()}
+    places = {f"{name}_support_at": at / (len(supports) + 1.0) for at, name in enumerate(supports, 1)}
+    rows = [moving_row(argument, numbers.get(argument, at), shapes) for argument, at in places.items()]
     return ImpactSystem.from_modes(
         frequencies=shapes.hertz(rigidity, per_length, length),
         damping_ratios=numbers["damping_ratio"],
         shapes=np.array([*rows, length * shapes.means]) / math.sqrt(per_length * length),
-        points=["first", "second", "span"],
+        points=[*supports, "span"],
         force=Force(
             frequency=numbers["frequency"],
             harmonics={1: {"span": numbers["force_per_length"]}},
@@ -197,11 +259,13 @@ def _tube(ends: str, numbers: Mapping[str, float]) -> ImpactSystem:
         ),
         stops=[
             Stop(
-                direction=direction,
+                direction={support: sign},
                 gap=0.5 * numbers["diametral_clearance"],
-                restitution=first_given(numbers[f"{name}_restitution"], numbers["restitution"]),
-                name=name,
+                restitution=first_given(numbers.get(f"{support}_{side}_restitution"), numbers["restitution"]),
+                name=f"{support}_{side}",
+                group=support,
             )
-            for name, direction in sides.items()
+            for support in supports
+            for side, sign in _SIDES.items()
         ],
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from vibroimpact.backends.base import energy_loss
 from vibroimpact.cells import Floats
-from vibroimpact.dataset import VARIABLES, dataset_of, model_of, plain_variable
+from vibroimpact.dataset import dataset_of, model_of, plain_variable, variable
 from vibroimpact.matrices import numbers
 from vibroimpact.model import is_model
 from vibroimpact.model.elements import REPORTS
@@ -23,22 +23,6 @@ if TYPE_CHECKING:
     from vibroimpact.model import Model
 
 CLASSES = 20  # of impact speeds, by default
-# By name: the long name, the unit and the symbol, as in `VARIABLES`.
-QUANTITIES = {
-    "impacts": ("impacts", "1", "N"),
-    "bursts": ("bursts of impacts, those within the rest time as one", "1", "N_b"),
-    "rate": ("impacts per second", "1/s", "N/T"),
-    "rms_velocity": ("rms impact velocity", "m/s", "rms I"),
-    "mean_impulse": ("mean impulse of an impact", "N s", "<P>"),
-    "max_impulse": ("largest impulse of an impact", "N s", "max P"),
-    "power": ("energy lost at the stop per time", "W", "W"),
-    "rest_fraction": ("time at rest at the stop over all time", "1", "T_r/T"),
-    "mean_peak_force": ("mean of the largest forces of contacts", "N", "<F>"),
-    "mean_contact_time": ("mean duration of a contact", "s", "<t_c>"),
-    "contact_fraction": ("time in contact over all time", "1", "T_c/T"),
-    "max_penetration": ("deepest penetration", "m", "max d"),
-    "number": ("impacts in a class of velocities", "1", "N"),
-}
 
 
 def impact_statistics(
@@ -111,7 +95,7 @@ def impact_statistics(
     for row, name in zip(rows, names, strict=True):
         row["rest_fraction"] = sum(record.rests[stop] for stop in support if support[stop] == name) / record.duration
     variables = {
-        name: _labelled(name, ("stop", "velocity_class") if name == "number" else "stop", [row[name] for row in rows])
+        name: variable(name, ("stop", "velocity_class") if name == "number" else "stop", [row[name] for row in rows])
         for name in rows[0]
     }
     variables["duration"] = plain_variable((), record.duration, {"long_name": "time", "units": "s", "symbol": "T"})
@@ -221,8 +205,3 @@ def _classes(edges: Floats) -> dict[str, Any]:
         )
         for name, values in parts.items()
     }
-
-
-def _labelled(name: str, dims: Any, values: Any) -> Any:
-    long_name, units, symbol = (VARIABLES | QUANTITIES)[name]
-    return plain_variable(dims, np.array(values), {"long_name": long_name, "units": units, "symbol": symbol})
