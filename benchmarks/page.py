@@ -154,6 +154,7 @@ def systems(found: dict[str, Any]) -> str:
     maps_ = [
         [f"impact damper, clearance by frequency, {sides}", number(found["damper_map_seconds"])],
         [f"one mass between two stops, gap by frequency, {sides}", number(found["two_sided_map_seconds"])],
+        [f"tube in four supports, three modes, force by frequency, {sides}", number(found["tube_map_seconds"])],
     ]
     return "\n\n".join([table(["system", "ns an impact"], costs_), table(["map", "s"], maps_)])
 

@@ -55,6 +55,24 @@ def equal_modes(n: int) -> vi.ImpactSystem:
     return vi.ImpactSystem(mass=np.eye(n), damping=0.01 * np.eye(n), stiffness=np.eye(n), force=force, stops=stops)
 
 
+def tube(stops: int) -> vi.ImpactSystem:
+    """Return three modes of a tube in supports with two sides, of which only the first one, at mid-span, is struck."""
+    places = [0.5, *np.linspace(0.1, 0.9, stops // 2 - 1)]
+    shapes = np.sin(np.pi * np.outer(places, [1.0, 2.0, 3.0]))
+    rates = 2.0 * np.pi * 18.0 * np.array([1.0, 4.0, 9.0])
+    return vi.ImpactSystem(
+        mass=np.eye(3),
+        damping=np.diag(0.03 * rates),
+        stiffness=np.diag(rates**2),
+        force=vi.Force(frequency=20.0, harmonics={1: [8.0, 3.0, 3.0]}),
+        stops=[
+            vi.Stop(direction=sign * row, gap=4e-3 if at else 4e-4, restitution=0.6)
+            for at, row in enumerate(shapes)
+            for sign in (1.0, -1.0)
+        ],
+    )
+
+
 def sweep(system: vi.ImpactSystem, impacts: int, *indices: str, modal: bool = False) -> Job:
     """Return the job of a sweep over frequencies near the system's own, on one thread, of Std alone or of more.
 
@@ -157,6 +175,7 @@ def measure(effort: Effort) -> Results:
         "one-sided spring": sweep(one_sided_spring(), effort.impacts),
         **{f"{n} equal modes": sweep(equal_modes(n), effort.impacts, modal=True) for n in (1, 2, 4, 8)},
         **{f"cantilever, modes: {n}": sweep(beam, effort.impacts, modal=True) for n, beam in cantilever.items()},
+        **{f"tube, stops: {n}, two struck": sweep(tube(n), effort.impacts) for n in (2, 4, 8, 16, 32)},
     }
     if heyoka:
         jobs["two masses, heyoka"] = orbit_of_heyoka(effort.orbit_impacts)
@@ -167,6 +186,8 @@ def measure(effort: Effort) -> Results:
     points = effort.map_points
     damper = {"slot_clearance": np.linspace(2.0, 20.0, points), "omega": np.linspace(0.8, 1.2, points)}
     gaps = {"gap": np.linspace(0.1, 1.0, points), "omega": np.linspace(0.5, 3.0, points)}
+    rattling = vi.family(models.tube_in_many_supports).replace(modes=3)
+    shaken = {"frequency": np.linspace(10.0, 22.0, points), "force_per_length": np.linspace(3.0, 20.0, points)}
     return {
         "cost": {name: median(found) for name, found in cost.items()},
         "over_one_mass": ratio(cost["one mass"], cost["one mass, its own engine"]),
@@ -177,6 +198,8 @@ def measure(effort: Effort) -> Results:
         "damper_map_seconds": map_seconds(vi.family(damper_of), **damper),
         "two_sided_map_seconds": map_seconds(vi.family(two_sided_of), **gaps),
         "spring_map_seconds": map_seconds(vi.family(one_sided_spring), **gaps),
+        "stops_16_over_2": ratio(cost["tube, stops: 16, two struck"], cost["tube, stops: 2, two struck"]),
+        "tube_map_seconds": map_seconds(rattling, **shaken),
         "points": points,
     }
 

@@ -112,6 +112,10 @@ TARGETS = (
     Target("the same of one mass between two stops", "s", 5, _system_map("two_sided_map_seconds")),
     Target("heyoka / ours, one mass and a one-sided spring", "", 20, _of_systems("heyoka_over_spring"), None, True),
     Target("a 200 x 200 map of the same, two cores", "s", 30, _system_map("spring_map_seconds")),
+    Target("16 stops of which two are struck over two stops", "", 1.5, _of_systems("stops_16_over_2")),
+    Target(
+        "a 200 x 200 map of a tube in four supports, three modes, two cores", "s", 60, _system_map("tube_map_seconds")
+    ),
     Target("400 x 400 basin portrait, w = 3, two cores", "s", 20, _portrait),
     Target("a stored map over one in memory, beyond one", "", 0.05, lambda result: result["stores"]["overhead"]),
     Target("taking up a finished store of 1e6 cells", "s", 2.0, _taking_up),
