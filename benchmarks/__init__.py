@@ -1,1 +1,1 @@
-"""Measurements of the engine beside what else one could use; `make bench` runs them all."""
+"""Comparison of the engine with other programs; `make bench` runs all measurements."""

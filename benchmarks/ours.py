@@ -111,9 +111,9 @@ def contenders() -> list[Contender]:
     """Return every way of ours; the first is what all ratios refer to."""
     cpu: list[Contender] = [
         Lanes("ours, one core"),
-        Lanes("ours, one core, closing", early_closing=True),
+        Lanes("ours, one core, early closing", early_closing=True),
         Lanes("ours, all cores", workers=None),
-        Lanes("ours, all cores, closing", workers=None, early_closing=True),
+        Lanes("ours, all cores, early closing", workers=None, early_closing=True),
         Lanes("ours, one core, 64 cells", cells=0.0),
         OneOrbit("ours, one orbit"),
         OneOrbit("the paper's scheme", backend="fixed-step"),
@@ -121,7 +121,7 @@ def contenders() -> list[Contender]:
     note = gpu_note()
     gpu: list[Contender] = [
         Lanes(f"ours, GPU{suffix}", backend="cuda", early_closing=closing, cells=GPU_CELLS, note=note)
-        for suffix, closing in (("", False), (", closing", True))
+        for suffix, closing in (("", False), (", early closing", True))
     ]
     return [*cpu[:5], *gpu, *cpu[5:]]
 

@@ -52,8 +52,8 @@ def measure(effort: Effort) -> dict[str, Any]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description="Measure the engine beside what else one could use.")
-    parser.add_argument("--quick", action="store_true", help="a first look in under a minute, only printed")
+    parser = argparse.ArgumentParser(description="Compare the engine with other programs.")
+    parser.add_argument("--quick", action="store_true", help="a quick run in under a minute; only prints")
     parser.add_argument("--out", type=Path, help="JSON file for the figures, instead of benchmarks/results/latest.json")
     parser.add_argument("--page", type=Path, help="page for the tables, instead of docs/about/benchmarks.md")
     options = parser.parse_args(arguments)
