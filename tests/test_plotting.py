@@ -312,6 +312,8 @@ def test_the_help_of_a_figure_has_every_parameter_and_what_it_returns(name):
         (plotting.stroboscopic_map, impacts([0.5], [1.0]), "pass what vibroimpact.stroboscopic_section returns"),
         (plotting.impact_map, strobe([0.5], [1.0]), "must be a result of impact_section"),
         (plotting.oscillator_sketch, 3, "`oscillator` must be an ImpactOscillator or a family, got an int"),
+        (plotting.oscillator_sketch, vi.models.impact_damper(), "an ImpactOscillator or a family, got an ImpactSystem"),
+        (plotting.impact_histogram, strobe([0.5], [1.0]), "must be a result of impact_statistics"),
         (plotting.bifurcation_diagram, curve([0.1, 0.2]), "got a result of parameter_map with std"),
         (
             plotting.index_curve,

@@ -67,7 +67,7 @@ def parameter_map(
         result has a dim `point`.
     indices : names
         From velocity sums: `std`, `mean_velocity`, `max_velocity` (m/s), `impacts_per_period` = (N-1) T/(t_N - t_1).
-        From all observers, at 1.6 times the cost: `lyapunov` (1/s) and `lyapunov_per_impact`, the largest exponent,
+        From all observers, at 1.3 times the cost: `lyapunov` (1/s) and `lyapunov_per_impact`, the largest exponent,
         -inf for motions that stick; `n_periods` and `n_impacts`, the type of the cycle, 0 if none was found,
         n_impacts = -1 for complete chatter; `dissipation` (J per period); `stick_fraction`; `impact_phase_spread` =
         1 - \|<exp 2 pi i phase>\|; `grazing_margin` (m), the gap left at the closest near-miss, inf without one.

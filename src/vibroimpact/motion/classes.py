@@ -25,7 +25,7 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
     The first rule that applies decides:
 
     1. *no impact*: the status is `no_impact`, `stopped_impacting`, `stuck_forever` or `decaying`;
-    2. *undecided*: the status is `budget` or `interrupted`;
+    2. *undecided*: the status is `budget`, `interrupted` or `invalid_restitution`;
     3. *sticking*: the mass comes to rest at the stop again and again, which erases all memory: a cycle with
        :math:`\lambda = -\infty`, or complete chatter (`n_impacts` = -1). With `n_periods` = 0 it is intermittent:
        perturbations grow by more than 1e13 between two rests, and double precision does not resolve when the next one

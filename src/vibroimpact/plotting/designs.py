@@ -101,7 +101,8 @@ def oscillator_sketch(oscillator: Model | None = None, ax: Axes | None = None) -
     >>> oscillator_sketch(vi.ImpactOscillator(omega=2.8)).axison
     False
     """
-    if isinstance(oscillator, type) or not isinstance(oscillator, Model | None):
+    drawn = isinstance(oscillator, Model) and not isinstance(oscillator, type) and oscillator.at().says_all
+    if oscillator is not None and not drawn:
         raise labels.refused("oscillator", oscillator, "an ImpactOscillator or a family", "leave it out to write none")
     ax = style.new_axes(ax, (7.2, 3.4))
     ax.set_axis_off()
