@@ -20,9 +20,9 @@ from vibroimpact.model.modal import FREE, ModalForm, modal_form, velocity_scale
 from vibroimpact.model.stops import (
     Force,
     Stop,
-    check_force,
     check_length,
     check_room,
+    checked_force,
     named_stops,
     names_of_points,
     over_modes,
@@ -51,8 +51,9 @@ class ImpactSystem(ByValue):
         C in N s/m, zero by default; its symmetric part is positive semidefinite, its skew part is arbitrary.
     stiffness : (n, n) array_like
         K in N/m, symmetric and positive semidefinite; it may be singular, and 0 means free masses.
-    force : Force
-        The load, with the frequency that sets the period.
+    force : Force, optional
+        The load, with the frequency that sets the period. None means no load, and ``periods`` of 2 pi s, as with
+        ``Force(omega=1.0)``.
     stops : sequence of Stop
         At most 64; a stop without a name is named by its position, ``stop_1`` first.
 
@@ -101,9 +102,9 @@ class ImpactSystem(ByValue):
     stops: tuple[Stop, ...]
 
     def __init__(
-        self, *, mass: Any, stiffness: Any, damping: Any = 0.0, force: Force, stops: Iterable[Stop] = ()
+        self, *, mass: Any, stiffness: Any, damping: Any = 0.0, force: Force | None = None, stops: Iterable[Stop] = ()
     ) -> None:
-        check_force(force)
+        force = checked_force(force)
         linear = matrices(mass, damping, stiffness)
         for name, value in force.vectors.items():
             check_length(name, value, len(linear["mass"]))
@@ -118,7 +119,7 @@ class ImpactSystem(ByValue):
         damping_ratios: Any,
         shapes: Any,
         *,
-        force: Force,
+        force: Force | None = None,
         stops: Iterable[Stop] = (),
         points: Sequence[str] | None = None,
     ) -> ImpactSystem:
@@ -135,7 +136,7 @@ class ImpactSystem(ByValue):
             Damping over critical damping, 0.01 for 1 %; a single number applies to all modes.
         shapes : (points, n) array_like
             Mass-normalised mode shapes in 1/sqrt(kg): one row per point, one column per mode.
-        force : Force
+        force : Force, optional
             Forces in N at the points: sequences over all points, or mappings such as ``{"tip": 5.0}``.
         stops : sequence of Stop
             Directions over the points in the same form; ``{"tip": 1.0, "frame": -1.0}`` stops tip against frame.
@@ -175,7 +176,7 @@ class ImpactSystem(ByValue):
         (array([2., 2.]), array([ 2.04, -4.29]))
         """
         rates, ratios, table = table_of_modes(frequencies, damping_ratios, shapes)
-        check_force(force)
+        force = checked_force(force)
         places = names_of_points(points, len(table))
         vectors = {name: over_modes(name, value, places, table) for name, value in force.vectors.items()}
         harmonics = {order: vectors[f"harmonics[{order}]"] for order in force.harmonics}
