@@ -1,0 +1,230 @@
+"""Cases of other codes: each number of their page, and each again by a closed form or by DOP853, which decide who is right."""
+
+import doctest
+import math
+import re
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from fenced import ROOT, blocks
+
+PAGE = ROOT / "docs" / "about" / "verification.md"
+ROWS = re.findall(r"^\| (.+) \| (\S+) \| (\S+) \| (\S+) \| `(.+)` \|$", PAGE.read_text(), re.MULTILINE)
+
+
+class Compliant:
+    """A compliant stop: pushes from zero clearance until its force, or with `pulls` its penetration, is zero."""
+
+    def __init__(self, direction, gap, stiffness, damping=0.0, moves=lambda t: 0.0, pulls=False):
+        self.a, self.gap, self.k, self.c, self.moves, self.pulls = direction, gap, stiffness, damping, moves, pulls
+        self.closed = self.loose = False
+
+    def depth(self, t, q):
+        return self.a @ q - self.gap - self.moves(t)
+
+    def force(self, t, q, v):
+        return self.k * self.depth(t, q) + self.c * (self.a @ v)
+
+    def pushes(self, t, q, v):
+        return self.force(t, q, v) if self.closed else 0.0
+
+    def watched(self, t, q, v):
+        """Return what falls through zero at the next change."""
+        if self.closed and not self.pulls:
+            return self.force(t, q, v)
+        return self.depth(t, q) if self.closed or self.loose else -self.depth(t, q)
+
+    def closes_again(self, t, q, v):
+        """Return what falls through zero where a stop that was let loose pushes again."""
+        return -self.force(t, q, v) if self.loose else 1.0
+
+    def change(self, t, q, v):
+        """Close, let loose while there is penetration, or open; return the velocities after it."""
+        deep = self.depth(t, q) > 1e-12
+        self.closed, self.loose = not self.closed and (deep or not self.loose), self.closed and deep
+        return v
+
+
+class Rigid(Compliant):
+    """A rigid stop that turns the speed along its direction, for a diagonal mass matrix."""
+
+    def __init__(self, direction, gap, restitution, mass):
+        super().__init__(direction, gap, 0.0)
+        self.r, self.row = restitution, direction / mass
+        self.speeds, self.times = [], []
+
+    def change(self, t, q, v):
+        speed = self.a @ v
+        self.speeds.append(speed)
+        self.times.append(t)
+        return v - (1.0 + self.r) * speed / (self.a @ self.row) * self.row
+
+
+def march(stops, q, v, until, *, mass, damping, stiffness, load, step, instants=()):
+    """Return the last state, and states and pushes of all stops at instants, by DOP853 from event to event."""
+    n, inverse = len(q), np.linalg.inv(mass)
+    y, t, found = np.concatenate([q, v]), 0.0, []
+    for stop in stops:
+        stop.closed, stop.loose = abs(stop.depth(t, y[:n])) < 1e-15 and stop.a @ y[n:] > 0.0, False
+
+    def rate(t, y):
+        push = load(t) - damping @ y[n:] - stiffness @ y[:n]
+        for stop in stops:
+            if stop.closed:
+                push = push - stop.pushes(t, y[:n], y[n:]) * stop.a
+        return np.concatenate([y[n:], inverse @ push])
+
+    def event(watched):
+        falls = lambda t, y: watched(t, y[:n], y[n:])  # noqa: E731
+        falls.terminal, falls.direction = True, -1.0
+        return falls
+
+    events = [event(watched) for stop in stops for watched in (stop.watched, stop.closes_again)]
+    while t < until:
+        run = solve_ivp(
+            rate, (t, until), y, "DOP853", rtol=1e-12, atol=1e-15, events=events, max_step=step,
+            dense_output=len(instants) > 0,
+        )  # fmt: skip
+        for at in [at for at in instants if t <= at < run.t[-1] or at == until == run.t[-1]]:
+            state = run.sol(at)
+            found.append([state, [stop.pushes(at, state[:n], state[n:]) for stop in stops]])
+        t, y = run.t[-1], run.y[:, -1].copy()
+        for at, stop in enumerate(stops):
+            if len(run.t_events[2 * at]) or len(run.t_events[2 * at + 1]):
+                y[n:] = stop.change(t, y[:n], y[n:])
+    return y, found
+
+
+def one(stop, q, v, until, *, mass=1.0, damping=0.0, stiffness=0.0, load=0.0, instants=()):
+    """Return the last displacement of one mass, or those at instants."""
+    matrices = {
+        name: np.array([[value]]) for name, value in (("mass", mass), ("damping", damping), ("stiffness", stiffness))
+    }
+    loads = load if callable(load) else (lambda t: load)
+    push = lambda t: np.array([loads(t)])  # noqa: E731
+    y, found = march([stop], [q], [v], until, **matrices, load=push, step=until / 200.0, instants=instants)
+    return [state[0] for state, _ in found] if len(instants) else y[0]
+
+
+UP, DOWN = np.array([1.0]), np.array([-1.0])
+
+# Closed forms
+
+
+def sdnd101():
+    w = math.sqrt(1.01e6 / 100.0)
+    force = 1e6 / w
+    return math.pi / w, force, 2.0 * force / w
+
+
+def sdnd108():
+    touch, speed = (-1.0 + math.sqrt(41.0)) / 10.0, math.sqrt(41.0)
+    return touch, touch + 2.0 * (math.pi - math.atan(speed)) / 10.0  # d = 0.1 (1 - cos 10 t) + 0.1 v sin 10 t
+
+
+def sdnd122(energy, omits=False):
+    k, stop, gap = 10.0, 50.0, 0.01
+    center = stop * gap / (k + stop)
+    square = 2.0 * energy / (k + stop) - (0.0 if omits else k * stop * gap**2 / (k + stop) ** 2)
+    free = (math.pi + 2.0 * math.asin(gap / math.sqrt(2.0 * energy / k))) / math.sqrt(k)
+    return 1.0 / (free + 2.0 * math.acos((gap - center) / math.sqrt(square)) / math.sqrt(k + stop))
+
+
+def vm65():
+    w, sag = math.sqrt(1973.92 / 0.5), 386.0 * 0.5 / 1973.92
+    touch, speed = math.sqrt(2.0 / 386.0), math.sqrt(2.0 * 386.0)
+    return touch, speed, sag + math.hypot(sag, speed / w), touch + (math.pi - math.atan(speed / (w * sag))) / w
+
+
+def exudyn(soft, pulls=False):
+    if soft:
+        return 0.05 + one(Compliant(DOWN, 0.0, 2e4), 0.01, -1.0, 0.5, mass=0.25, load=-0.25 * 9.81)
+    return 0.05 + one(Compliant(DOWN, 0.0, 2e6, 200.0, pulls=pulls), 0.05, 0.0, 0.25, mass=0.25, load=-0.25 * 9.81)
+
+
+def cam(rpm):
+    """Return the angles in degrees at which the follower leaves and lands, and the speed at which it lands."""
+    m, k, preload, e, w = 0.9, 1000.0, 2.5, 0.015, rpm * math.pi / 30.0
+    leaves = math.acos(-(k * e + preload) / ((m * w**2 - k) * e))
+    own, rest = math.sqrt(k / m), -preload / k
+    height, rise = e * (1.0 - math.cos(leaves)) - rest, e * w * math.sin(leaves)
+
+    def gap(angle):
+        s = own * (angle - leaves) / w
+        return rest + height * math.cos(s) + rise / own * math.sin(s) - e * (1.0 - math.cos(angle))
+
+    lands = brentq(gap, leaves + 0.5, 2.0 * math.pi, xtol=1e-14)
+    s = own * (lands - leaves) / w
+    falls = e * w * math.sin(lands) + height * own * math.sin(s) - rise * math.cos(s)
+    return math.degrees(leaves), math.degrees(lands), falls
+
+
+def flights(rpm):
+    """Return the flights in two turns: the force on the cam, lowest half a turn later, must fall to zero."""
+    return 2 * ((rpm * math.pi / 30.0) ** 2 * 0.9 * 0.015 > 2.0 * 1000.0 * 0.015 + 2.5)
+
+
+INDEPENDENT = {
+    "SDND101, duration of contact [s]": lambda: sdnd101()[0],
+    "SDND101, largest force [N]": lambda: sdnd101()[1],
+    "SDND101, impulse [N s]": lambda: sdnd101()[2],
+    "SDND108, touches at [s]": lambda: sdnd108()[0],
+    "SDND108, leaves at [s]": lambda: sdnd108()[1],
+    "SDND122, frequency at 0.00650108331626 J [Hz]": lambda: sdnd122(0.00650108331626),
+    "SDND122, frequency at 0.00658129654238 J [Hz]": lambda: sdnd122(0.00658129654238),
+    "SDND122, frequency at 0.00647656819016 J [Hz]": lambda: sdnd122(0.00647656819016),
+    "VM65, touches at [s]": lambda: vm65()[0],
+    "VM65, speed [in/s]": lambda: vm65()[1],
+    "VM65, largest penetration [in]": lambda: vm65()[2],
+    "VM65, at [s]": lambda: vm65()[3],
+    "EXUDYN, 2e4 N/m, height at 0.5 s [m]": lambda: exudyn(True),
+    "EXUDYN, 2e6 N/m and 200 N s/m, height at 0.25 s [m]": lambda: exudyn(False),
+    "cam at 500 rpm, leaves at [degrees]": lambda: cam(500.0)[0],
+    "cam at 500 rpm, lands at [degrees]": lambda: cam(500.0)[1],
+    "cam at 500 rpm, lands with [m/s]": lambda: cam(500.0)[2],
+    "cam at 468.53 rpm, flights in two turns": lambda: flights(468.53),
+    "cam at 468.55 rpm, flights in two turns": lambda: flights(468.55),
+}
+
+
+@pytest.fixture(scope="module")
+def names():
+    """Return the names that the page defines."""
+    defined = {}
+    exec(doctest.script_from_examples("".join(blocks(PAGE, "python"))), defined)
+    return defined
+
+
+def half(shown):
+    """Return half a unit of the last digit of a number in print."""
+    digits, _, power = shown.partition("e")
+    return 0.5 * 10.0 ** (int(power or 0) - len(digits.partition(".")[2]))
+
+
+def test_every_row_of_the_page_has_an_independent_solution():
+    assert [row[0] for row in ROWS] == list(INDEPENDENT)
+
+
+@pytest.mark.long(but=19)
+@pytest.mark.parametrize(("quantity", "published", "ours", "difference", "line"), ROWS, ids=[row[0] for row in ROWS])
+def test_a_row_of_the_page_is_what_its_line_and_an_independent_solution_give(
+    quantity, published, ours, difference, line, names
+):
+    value = eval(line, names)
+    assert abs(value - float(ours)) <= 2.0 * half(ours)
+    assert abs(INDEPENDENT[quantity]() - float(ours)) <= 2.0 * half(ours)
+    apart = value - float(published)
+    assert difference == ("0" if abs(apart) <= half(published) else f"{apart:+.2g}")
+
+
+def test_published_frequencies_of_the_one_sided_oscillator_omit_a_term():
+    energies = 0.00650108331626, 0.00658129654238, 0.00647656819016
+    published = [float(row[1]) for row in ROWS if row[0].startswith("SDND122")]
+    assert [sdnd122(energy, omits=True) for energy in energies] == pytest.approx(published, abs=5e-11)
+
+
+def test_a_stop_that_pulls_until_the_penetration_is_zero_loses_less_height():
+    assert exudyn(False, pulls=True) == pytest.approx(0.0556745, abs=5e-8)
