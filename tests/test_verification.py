@@ -1,4 +1,4 @@
-"""Cases of other codes: each number of their page, and each again by a closed form or by DOP853, which decide who is right."""
+"""Cases of other codes: each number of their page, and each again by a closed form or by DOP853."""
 
 import doctest
 import math
@@ -9,7 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from fenced import ROOT, blocks
+from fenced import ROOT, blocks, table
+from vibroimpact.models.beam_modes import beam_modes
 
 PAGE = ROOT / "docs" / "about" / "verification.md"
 ROWS = re.findall(r"^\| (.+) \| (\S+) \| (\S+) \| (\S+) \| `(.+)` \|$", PAGE.read_text(), re.MULTILINE)
@@ -167,6 +168,99 @@ def flights(rpm):
     return 2 * ((rpm * math.pi / 30.0) ** 2 * 0.9 * 0.015 > 2.0 * 1000.0 * 0.015 + 2.5)
 
 
+# DOP853
+
+
+def sdnd102(count, instants=()):
+    """Return the displacements of the first mass at instants, relative to its base."""
+    w, k, ones = 20.0 * math.pi, 98696.0, np.eye(count)
+    a, gap, stop = (np.array([1.0]), 5e-4, 5.76e7) if count == 1 else (np.array([1.0, -1.0]), 1e-3, 2.88e7)
+    wall = Compliant(a, gap, stop, moves=lambda t: count * math.sin(w * t) / w**2)
+    linear = {"mass": 25.0 * ones, "damping": 0.14 * math.sqrt(k * 25.0) * ones, "stiffness": k * ones}
+    load = {"load": lambda t: -25.0 * math.sin(w * t) * a, "step": 1e-3}
+    _, found = march([wall], np.zeros(count), np.zeros(count), max(instants), **linear, **load, instants=instants)
+    return np.array([state[0] for state, _ in found])
+
+
+def fe_cantilever(names):
+    return *names["elements"](10), np.array([0.0] * 18 + [-1.0, 0.0])
+
+
+def sdnl104(names):
+    """Return the displacement at 0.1315 s and the speed at 0.1566 s of the tip."""
+    mass, stiffness, down = fe_cantilever(names)
+    linear = {"mass": mass, "damping": 0.0 * mass, "stiffness": stiffness, "load": lambda t: 1000.0 * down}
+    at = (0.1315, 0.1566)
+    _, found = march([Compliant(down, 1e-4, 1e8)], np.zeros(20), np.zeros(20), 0.1566, **linear, step=1e-4, instants=at)
+    return found[0][0][18], found[1][0][38]
+
+
+def newmark(names, step=1e-4):
+    """Return the same by Newmark's scheme of average acceleration."""
+    mass, stiffness, down = fe_cantilever(names)
+    q, v, a = np.zeros(20), np.zeros(20), np.linalg.solve(mass, 1000.0 * down)
+    found, closed = [(0.0, 0.0)], False
+    for _ in range(1566):
+        ahead, speed = q + step * v + step**2 / 4.0 * a, v + step / 2.0 * a
+        for _ in range(20):
+            k = stiffness + closed * 1e8 * np.outer(down, down)
+            load = (1000.0 + closed * 1e8 * 1e-4) * down
+            a = np.linalg.solve(mass + step**2 / 4.0 * k, load - k @ ahead)
+            q = ahead + step**2 / 4.0 * a
+            if closed == (down @ q > 1e-4):
+                break
+            closed = not closed
+        v = speed + step / 2.0 * a
+        found.append((q[18], v[18]))
+    return found[1315][0], found[1566][1]
+
+
+def modal(system):
+    """Return the numbers of a system of modes, of which the program only made a table."""
+    linear = {"mass": system.mass, "damping": system.damping, "stiffness": system.stiffness}
+    return linear, [Compliant(stop.direction, stop.gap, stop.stiffness, stop.damping) for stop in system.stops]
+
+
+def harvester(eta, periods, nudge=0.0):
+    """Return states at whole periods, and the stops with their impacts."""
+    mass = np.array([1.0, eta])
+    ends = [Rigid(side * np.array([1.0, -1.0]), 0.175, 0.5, mass) for side in (1.0, -1.0)]
+    linear = {"mass": np.diag(mass), "damping": np.diag([0.2, 0.0]), "stiffness": np.diag([math.pi**2, 0.0])}
+    load = lambda t: np.array([math.sin(math.pi * t), -0.12201 * eta])  # noqa: E731
+    instants = 2.0 * np.arange(periods + 1)
+    start = np.array([nudge, 0.0])
+    _, found = march(ends, start, np.zeros(2), instants[-1], **linear, load=load, step=0.05, instants=instants)
+    return np.array([state for state, _ in found]), ends
+
+
+def settled(eta, periods=150):
+    """Return the periods of the cycle, 0 if there is none up to 8, and its impacts per period."""
+    states, ends = harvester(eta, periods)
+    gaps = [np.abs(states[-1] - states[-1 - n]).max() for n in range(1, 9)]
+    cycle = next((n for n, gap in enumerate(gaps, 1) if gap < 1e-6), 0)
+    times = np.concatenate([end.times for end in ends])
+    return cycle, (times > 2.0 * (periods - 48)).sum() / 48
+
+
+def harvester_speeds():
+    _, ends = harvester(0.5, 60)
+    low, high = (end.speeds for end in ends)
+    return sorted([*low[-2:], high[-1]])
+
+
+def sdnl301(names, modes=30):
+    system = names["in_supports"](modes)
+    linear, stops = modal(system)
+    load = system.force.harmonics[1].real
+    grid = 2.0 * math.pi / 251.2 / 2000.0 * np.arange(20001)
+    inside = grid[(grid >= 0.17) & (grid <= 0.25)]
+    none = np.zeros(modes)
+    _, found = march(
+        stops, none, none, inside[-1], **linear, load=lambda t: math.sin(251.2 * t) * load, step=1e-4, instants=inside
+    )
+    return math.sqrt(np.mean([pushes[-1] ** 2 + pushes[-2] ** 2 for _, pushes in found]))
+
+
 INDEPENDENT = {
     "SDND101, duration of contact [s]": lambda: sdnd101()[0],
     "SDND101, largest force [N]": lambda: sdnd101()[1],
@@ -187,6 +281,22 @@ INDEPENDENT = {
     "cam at 500 rpm, lands with [m/s]": lambda: cam(500.0)[2],
     "cam at 468.53 rpm, flights in two turns": lambda: flights(468.53),
     "cam at 468.55 rpm, flights in two turns": lambda: flights(468.55),
+    "SDND102, twin minus wall at 0.1 s [m]": lambda: np.diff([sdnd102(n, [0.1])[0] for n in (1, 2)])[0],
+    "SDND102, twin minus wall at 0.3 s [m]": lambda: np.diff([sdnd102(n, [0.3])[0] for n in (1, 2)])[0],
+    "SDNL104, tip at 0.1315 s [m]": lambda names: sdnl104(names)[0],
+    "SDNL104, tip at 0.1566 s [m/s]": lambda names: sdnl104(names)[1],
+    "harvester, ratio 0.5, smallest speed": lambda: harvester_speeds()[0],
+    "harvester, ratio 0.5, second speed": lambda: harvester_speeds()[1],
+    "harvester, ratio 0.5, speed at the other end": lambda: harvester_speeds()[2],
+    "harvester, ratio 0.5, impacts per period": lambda: settled(0.5)[1],
+    "harvester, ratio 0.427, impacts per period": lambda: settled(0.427)[1],
+    "harvester, ratio 0.36, periods of the cycle": lambda: settled(0.36)[0],
+    "harvester, ratio 0.3, periods of the cycle (0: chaos)": lambda: settled(0.3)[0],
+    "harvester, ratio 0.22, impacts per period": lambda: settled(0.22)[1],
+    "harvester, ratio 0.15, impacts per period": lambda: settled(0.15)[1],
+    "harvester, ratio 0.1136, impacts per period": lambda: settled(0.1136)[1],
+    "harvester, ratio 0.093, impacts per period": lambda: settled(0.093)[1],
+    "SDNL301, rms force of the last support [N]": lambda names: sdnl301(names),
 }
 
 
@@ -196,6 +306,12 @@ def names():
     defined = {}
     exec(doctest.script_from_examples("".join(blocks(PAGE, "python"))), defined)
     return defined
+
+
+def independent(quantity, names):
+    """Return the independent value; some cases take the table of a model, such as shapes of modes, from the page."""
+    solution = INDEPENDENT[quantity]
+    return solution(names) if solution.__code__.co_argcount else solution()
 
 
 def half(shown):
@@ -215,7 +331,7 @@ def test_a_row_of_the_page_is_what_its_line_and_an_independent_solution_give(
 ):
     value = eval(line, names)
     assert abs(value - float(ours)) <= 2.0 * half(ours)
-    assert abs(INDEPENDENT[quantity]() - float(ours)) <= 2.0 * half(ours)
+    assert abs(independent(quantity, names) - float(ours)) <= 2.0 * half(ours)
     apart = value - float(published)
     assert difference == ("0" if abs(apart) <= half(published) else f"{apart:+.2g}")
 
@@ -228,3 +344,43 @@ def test_published_frequencies_of_the_one_sided_oscillator_omit_a_term():
 
 def test_a_stop_that_pulls_until_the_penetration_is_zero_loses_less_height():
     assert exudyn(False, pulls=True) == pytest.approx(0.0556745, abs=5e-8)
+
+
+def test_newmarks_scheme_with_the_time_steps_of_the_source_gives_the_published_cantilever(names):
+    published = [float(row[1]) for row in ROWS if row[0].startswith("SDNL104")]
+    assert newmark(names) == pytest.approx(published, rel=2e-6)
+
+
+def test_a_mass_on_a_shaken_base_moves_as_its_independent_solution(names):
+    instants = 0.1 * np.arange(1, 11)
+    assert names["wall"][1:] == pytest.approx(sdnd102(1, instants), abs=1e-13)
+
+
+@pytest.mark.parametrize("column", [1, 4], ids=["18,000 N/m", "45,000 N/m"])
+def test_a_beam_that_turns_onto_a_spring_moves_as_the_page_shows(column, names):
+    rows = np.array([[float(cell) for cell in row] for row in table(PAGE, "| time [ms]")])
+    published, shown, difference = rows[:, column : column + 3].T
+    spring, ours = (18000.0, names["softer"]) if column == 1 else (45000.0, names["stiffer"])
+    beam = beam_modes("pinned-free", 10)
+    per_length = 2400.0 * 0.014**2
+    shapes = beam.at(1.0) / math.sqrt(per_length * 0.783)
+    rates = 2.0 * math.pi * beam.hertz(6.7e10 * 0.014**4 / 12.0, per_length, 0.783)
+    linear = {"mass": np.eye(10), "damping": np.diag(0.02 * rates), "stiffness": np.diag(rates**2)}
+    turning = np.array([-3.8 * 0.783 / shapes[0], *[0.0] * 9])
+    instants = 1e-3 * np.arange(1, 13)
+    _, found = march(
+        [Compliant(-shapes, 0.0, spring)], np.zeros(10), turning, instants[-1],
+        **linear, load=lambda t: 0.0, step=1e-4, instants=instants,
+    )  # fmt: skip
+    assert ours[1:] == pytest.approx([1e3 * shapes @ state[:10] for state, _ in found], abs=1e-9)
+    assert ours[1:] == pytest.approx(shown, abs=1e-4)
+    assert difference == pytest.approx(shown - published, abs=6e-4)
+    assert np.abs(names["tip"](spring, 60) - ours).max() < 0.009
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("modes", "periods"), [(10, 1000), (20, 200), (30, 200)])
+def test_the_settled_force_of_a_tube_in_supports_is_that_of_the_page(modes, periods, names):
+    row = next(row for row in table(PAGE, "| modes") if row[0] == str(modes))
+    rms, error = names["settled_force"](modes, periods)
+    assert abs(rms - float(row[2])) < 4.0 * math.hypot(error, float(row[3]))
