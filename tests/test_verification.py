@@ -6,112 +6,16 @@ import re
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import vibroimpact as vi
+from dop853 import Compliant, Rigid, march
 from fenced import ROOT, blocks, table
 from vibroimpact.models.beam_modes import beam_modes
 
 PAGE = ROOT / "docs" / "about" / "verification.md"
 ROWS = re.findall(r"^\| (.+) \| (\S+) \| (\S+) \| (\S+) \| `(.+)` \|$", PAGE.read_text(), re.MULTILINE)
 
-
-class Compliant:
-    """A compliant stop: pushes from zero clearance until its force, or with `pulls` its penetration, is zero."""
-
-    def __init__(self, direction, gap, stiffness, damping=0.0, moves=lambda t: 0.0, pulls=False):
-        self.a, self.gap, self.k, self.c, self.moves, self.pulls = direction, gap, stiffness, damping, moves, pulls
-        self.closed = self.loose = False
-
-    def depth(self, t, q):
-        return self.a @ q - self.gap - self.moves(t)
-
-    def force(self, t, q, v):
-        return self.k * self.depth(t, q) + self.c * (self.a @ v)
-
-    def pushes(self, t, q, v):
-        return self.force(t, q, v) if self.closed else 0.0
-
-    def watched(self, t, q, v):
-        """Return what falls through zero at the next change."""
-        if self.closed and not self.pulls:
-            return self.force(t, q, v)
-        return self.depth(t, q) if self.closed or self.loose else -self.depth(t, q)
-
-    def closes_again(self, t, q, v):
-        """Return what falls through zero where a stop that was let loose pushes again."""
-        return -self.force(t, q, v) if self.loose else 1.0
-
-    def change(self, t, q, v):
-        """Close, let loose while there is penetration, or open; return the velocities after it."""
-        deep = self.depth(t, q) > 1e-12
-        self.closed, self.loose = not self.closed and (deep or not self.loose), self.closed and deep
-        return v
-
-
-class Rigid(Compliant):
-    """A rigid stop that turns the speed along its direction, for a diagonal mass matrix."""
-
-    def __init__(self, direction, gap, restitution, mass):
-        super().__init__(direction, gap, 0.0)
-        self.r, self.row = restitution, direction / mass
-        self.speeds, self.times = [], []
-
-    def change(self, t, q, v):
-        speed = self.a @ v
-        self.speeds.append(speed)
-        self.times.append(t)
-        return v - (1.0 + self.r) * speed / (self.a @ self.row) * self.row
-
-
-def march(stops, q, v, until, *, mass, damping, stiffness, load, step, instants=()):
-    """Return the last state, and states and pushes of all stops at instants, by DOP853 from event to event."""
-    n, inverse = len(q), np.linalg.inv(mass)
-    y, t, found = np.concatenate([q, v]), 0.0, []
-    for stop in stops:
-        stop.closed, stop.loose = abs(stop.depth(t, y[:n])) < 1e-15 and stop.a @ y[n:] > 0.0, False
-
-    def rate(t, y):
-        push = load(t) - damping @ y[n:] - stiffness @ y[:n]
-        for stop in stops:
-            if stop.closed:
-                push = push - stop.pushes(t, y[:n], y[n:]) * stop.a
-        return np.concatenate([y[n:], inverse @ push])
-
-    def event(watched):
-        falls = lambda t, y: watched(t, y[:n], y[n:])  # noqa: E731
-        falls.terminal, falls.direction = True, -1.0
-        return falls
-
-    events = [event(watched) for stop in stops for watched in (stop.watched, stop.closes_again)]
-    while t < until:
-        run = solve_ivp(
-            rate, (t, until), y, "DOP853", rtol=1e-12, atol=1e-15, events=events, max_step=step,
-            dense_output=len(instants) > 0,
-        )  # fmt: skip
-        for at in [at for at in instants if t <= at < run.t[-1] or at == until == run.t[-1]]:
-            state = run.sol(at)
-            found.append([state, [stop.pushes(at, state[:n], state[n:]) for stop in stops]])
-        t, y = run.t[-1], run.y[:, -1].copy()
-        for at, stop in enumerate(stops):
-            if len(run.t_events[2 * at]) or len(run.t_events[2 * at + 1]):
-                y[n:] = stop.change(t, y[:n], y[n:])
-    return y, found
-
-
-def one(stop, q, v, until, *, mass=1.0, damping=0.0, stiffness=0.0, load=0.0, instants=()):
-    """Return the last displacement of one mass, or those at instants."""
-    matrices = {
-        name: np.array([[value]]) for name, value in (("mass", mass), ("damping", damping), ("stiffness", stiffness))
-    }
-    loads = load if callable(load) else (lambda t: load)
-    push = lambda t: np.array([loads(t)])  # noqa: E731
-    y, found = march([stop], [q], [v], until, **matrices, load=push, step=until / 200.0, instants=instants)
-    return [state[0] for state, _ in found] if len(instants) else y[0]
-
-
-UP, DOWN = np.array([1.0]), np.array([-1.0])
 
 # Closed forms
 
@@ -148,9 +52,17 @@ def vm65():
 
 
 def exudyn(soft, pulls=False):
-    if soft:
-        return 0.05 + one(Compliant(DOWN, 0.0, 2e4), 0.01, -1.0, 0.5, mass=0.25, load=-0.25 * 9.81)
-    return 0.05 + one(Compliant(DOWN, 0.0, 2e6, 200.0, pulls=pulls), 0.05, 0.0, 0.25, mass=0.25, load=-0.25 * 9.81)
+    down, none = np.array([-1.0]), np.zeros((1, 1))
+    stop = Compliant(down, 0.0, 2e4) if soft else Compliant(down, 0.0, 2e6, 200.0, pulls=pulls)
+    q, v, until = (0.01, -1.0, 0.5) if soft else (0.05, 0.0, 0.25)
+    linear = {
+        "mass": np.array([[0.25]]),
+        "damping": none,
+        "stiffness": none,
+        "load": lambda t: np.array([-0.25 * 9.81]),
+    }
+    y, _ = march([stop], [q], [v], until, **linear, step=until / 200.0)
+    return 0.05 + y[0]
 
 
 def cam(rpm):
@@ -228,15 +140,14 @@ def modal(system):
     return linear, [Compliant(stop.direction, stop.gap, stop.stiffness, stop.damping) for stop in system.stops]
 
 
-def harvester(eta, periods, nudge=0.0):
+def harvester(eta, periods):
     """Return states at whole periods, and the stops with their impacts."""
     mass = np.array([1.0, eta])
     ends = [Rigid(side * np.array([1.0, -1.0]), 0.175, 0.5, mass) for side in (1.0, -1.0)]
     linear = {"mass": np.diag(mass), "damping": np.diag([0.2, 0.0]), "stiffness": np.diag([math.pi**2, 0.0])}
     load = lambda t: np.array([math.sin(math.pi * t), -0.12201 * eta])  # noqa: E731
     instants = 2.0 * np.arange(periods + 1)
-    start = np.array([nudge, 0.0])
-    _, found = march(ends, start, np.zeros(2), instants[-1], **linear, load=load, step=0.05, instants=instants)
+    _, found = march(ends, np.zeros(2), np.zeros(2), instants[-1], **linear, load=load, step=0.05, instants=instants)
     return np.array([state for state, _ in found]), ends
 
 
