@@ -1,6 +1,8 @@
-"""Draw two pictures that compare: a published figure beside ours, and cost against accuracy, as they were measured."""
+"""Draw three pictures that compare: with a published figure, with a reference solution, and cost against accuracy."""
 
+import doctest
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -63,10 +65,30 @@ def cost_and_accuracy(measured: dict[str, Any]) -> Figure:
     return figure
 
 
+def turning_beam() -> Figure:
+    """Return the tip of the beam that turns onto a spring, with the points of the reference, from the page itself."""
+    page, names = (DOCS / "about" / "verification.md").read_text(encoding="utf-8"), {}
+    for block in re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL):
+        if "beam_modes" in block:
+            exec(doctest.script_from_examples(block), names)
+    rows = re.findall(r"^\| (\d+) \| (\S+) \| \S+ \| \S+ \| (\S+) \| \S+ \| \S+ \|$", page, re.MULTILINE)
+    time, *published = np.array(rows, float).T
+    figure, ax = plt.subplots(figsize=(7.2, 3.8), layout="constrained")
+    for stiffness, points, color in zip((18000.0, 45000.0), published, (BLUE, RED), strict=True):
+        curve = names["tip"](stiffness, samples=50)
+        ax.plot(np.linspace(0.0, 12.0, len(curve)), curve, color=color, label=f"spring of {stiffness:,.0f} N/m")
+        ax.plot(time, points, "o", color=color, markersize=5)
+    ax.axhline(0.0, color=INK, linewidth=0.8)
+    ax.set(xlim=(0.0, 12.5), xlabel="time [ms]", ylabel="displacement of the tip [mm]")
+    ax.legend()
+    return figure
+
+
 def main() -> None:
-    """Draw both into docs/images/."""
+    """Draw all into docs/images/."""
     pictures = {
         "published-figure": published_figure(),
+        "turning-beam": turning_beam(),
         "cost-and-accuracy": cost_and_accuracy(json.loads(MEASURED.read_text(encoding="utf-8"))),
     }
     for name, figure in pictures.items():

@@ -345,18 +345,38 @@ def test_den_hartog_s_absorber_has_two_equal_peaks():
     ("clamped-clamped", [4.730040744862704, 7.853204624095838, 10.995607838001671]),
     ("clamped-pinned", [3.926602312047919, 7.068582745628732, 10.210176122813031]),
     ("pinned-pinned", [math.pi * n for n in range(1, 13)]),
+    ("pinned-free", [0.0, 3.926602312047919, 7.068582745628732, 10.210176122813031]),
 ])  # fmt: skip
 def test_wave_numbers_are_those_of_the_tables(ends, first):
     assert beam_modes(ends, 12).wave_numbers[: len(first)] == pytest.approx(first, rel=1e-15)
 
 
-@pytest.mark.parametrize("ends", BEAMS)
+@pytest.mark.parametrize("ends", [*BEAMS, "pinned-free"])
 def test_twelve_modes_are_orthonormal_by_quadrature(ends):
     shapes = beam_modes(ends, 12)
     nodes, weights = np.polynomial.legendre.leggauss(64)
     values = np.array([shapes.at(at) for at in 0.5 * (nodes + 1.0)])
     assert np.abs(values.T @ (0.5 * weights[:, None] * values) - np.eye(12)).max() < 4e-15
     assert np.abs(0.5 * weights @ values - shapes.means).max() < 2e-15
+
+
+def test_a_pinned_free_beam_turns_rigidly_and_bends():
+    """Bending modes are s (sin z/sin b + sinh z/sinh b), tan b = tanh b; their tips move by 2, as a cantilever's do."""
+    import mpmath
+
+    shapes = beam_modes("pinned-free", 12)
+    assert shapes.at(0.3)[0] == pytest.approx(0.3 * math.sqrt(3.0), rel=1e-15)
+    assert not shapes.at(0.0).any()
+    assert shapes.at(1.0)[1:] == pytest.approx(2.0 * (-1.0) ** np.arange(1, 12), rel=1e-14)
+    assert beam_modes("pinned-free", 1).wave_numbers.tolist() == [0.0]
+    with mpmath.workdps(50):
+        for n, found in enumerate(shapes.wave_numbers[1:], start=1):
+            b = mpmath.findroot(lambda x: mpmath.tan(x) - mpmath.tanh(x), mpmath.mpf(float(found)))
+            assert abs(found - b) < 4e-16 * b
+            for place in (0.1, 0.45, 0.83, 1.0):
+                z = b * mpmath.mpf(place)
+                exact = mpmath.sin(z) / mpmath.sin(b) + mpmath.sinh(z) / mpmath.sinh(b)
+                assert abs(shapes.at(place)[n] - mpmath.sign(mpmath.sin(b)) * exact) < 1e-14
 
 
 @pytest.mark.parametrize("ends", ["clamped-free", "clamped-clamped", "clamped-pinned"])

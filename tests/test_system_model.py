@@ -162,6 +162,18 @@ def test_a_system_is_a_value():
         one.force.harmonics[1][0] = 1.0
 
 
+def test_an_unforced_system_needs_no_force():
+    """It is that with a force of zero, whose periods of 2 pi s only count time."""
+    stops, modes = [vi.Stop(direction=1.0, gap=0.5)], {"frequencies": [0.1], "damping_ratios": 0.0, "shapes": [[1.0]]}
+    for kept in (None, vi.Force(omega=1.0)):
+        assert vi.ImpactSystem(mass=1.0, stiffness=2.0, force=kept, stops=stops) == vi.ImpactSystem(
+            mass=1.0, stiffness=2.0, stops=stops
+        )
+        assert vi.ImpactSystem.from_modes(**modes, force=kept) == vi.ImpactSystem.from_modes(**modes)
+    bounces = vi.simulate(vi.ImpactSystem(mass=1.0, stiffness=0.0, stops=stops), start=vi.State(0.0, 0.25), periods=1)
+    assert bounces["impact_time"].values.tolist() == pytest.approx([2.0])
+
+
 def test_arrays_given_are_copied():
     mass, p = np.array(M), np.array([5.0, 0.0])
     system = two_masses(mass=mass, force=vi.Force(omega=8.0, harmonics={1: p}))

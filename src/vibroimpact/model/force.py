@@ -54,7 +54,7 @@ class Force(ByValue):
     ----------
     omega : float, > 0
         Angular frequency in rad/s. It also applies to moving stops, and it sets the period T = 2 pi/omega even if the
-        first harmonic is missing. An unforced system needs a frequency too: ``Force(omega=1.0)``.
+        first harmonic is missing. A constant load needs a frequency too: ``Force(omega=1.0, constant=-9.81)``.
     frequency : float, > 0
         Frequency in Hz, instead of `omega`.
     harmonics : mapping of int to sequence of n complex
@@ -96,7 +96,7 @@ class Force(ByValue):
         if (omega is None) == (frequency is None):
             raise ValueError(
                 f"give either `omega` (rad/s) or `frequency` (Hz), got {omega!r} and {frequency!r}; "
-                "an unforced system needs one too, since it sets the period"
+                "a constant load needs one too, since it sets the period"
             )
         if frequency is not None:
             omega = radians(OF_ONE_MASS["frequency"].check(frequency))
@@ -126,10 +126,13 @@ class Force(ByValue):
         return vectors | ({} if self.constant is None else {"constant": self.constant})
 
 
-def check_force(force: Any) -> None:
-    """Raise unless this is a Force."""
+def checked_force(force: Any) -> Force:
+    """Return a Force, after checking it; for None, one without a load."""
+    if force is None:
+        return Force(omega=1.0)
     if not isinstance(force, Force):
-        raise invalid("force", force, "a Force", "write Force(omega=1.0) for an unforced system: it sets the period")
+        raise invalid("force", force, "a Force", "leave it out for an unforced system")
+    return force
 
 
 def names_of_points(points: Any, count: int) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from vibroimpact.cells import Floats
 from vibroimpact.matrices import ROUNDING, matrices, nearest, table_of_modes
 from vibroimpact.model import State, check_names
 from vibroimpact.model.elements import NUMBERS
-from vibroimpact.model.force import Force, check_force, check_length, names_of_points, over_modes
+from vibroimpact.model.force import Force, check_length, checked_force, names_of_points, over_modes
 from vibroimpact.model.modal import FREE, ModalForm, modal_form, velocity_scale
 from vibroimpact.model.stops import Stop, check_room, named_stops, several_stops, warn_of_short_contacts
 from vibroimpact.model.system_cells import SystemCells
@@ -41,8 +41,9 @@ class ImpactSystem(ByValue):
         C in N s/m, zero by default; its symmetric part is positive semidefinite, its skew part is arbitrary.
     stiffness : (n, n) array_like
         K in N/m, symmetric and positive semidefinite; it may be singular, and 0 means free masses.
-    force : Force
-        The load, with the frequency that sets the period.
+    force : Force, optional
+        The load, with the frequency that sets the period. None means no load, and ``periods`` of 2 pi s, as with
+        ``Force(omega=1.0)``.
     stops : sequence of Stop
         At most 64; a stop without a name is named by its position, ``stop_1`` first.
 
@@ -91,9 +92,9 @@ class ImpactSystem(ByValue):
     stops: tuple[Stop, ...]
 
     def __init__(
-        self, *, mass: Any, stiffness: Any, damping: Any = 0.0, force: Force, stops: Iterable[Stop] = ()
+        self, *, mass: Any, stiffness: Any, damping: Any = 0.0, force: Force | None = None, stops: Iterable[Stop] = ()
     ) -> None:
-        check_force(force)
+        force = checked_force(force)
         linear = matrices(mass, damping, stiffness)
         for name, value in force.vectors.items():
             check_length(name, value, len(linear["mass"]))
@@ -108,7 +109,7 @@ class ImpactSystem(ByValue):
         damping_ratios: Any,
         shapes: Any,
         *,
-        force: Force,
+        force: Force | None = None,
         stops: Iterable[Stop] = (),
         points: Sequence[str] | None = None,
     ) -> ImpactSystem:
@@ -125,7 +126,7 @@ class ImpactSystem(ByValue):
             Damping over critical damping, 0.01 for 1 %; a single number applies to all modes.
         shapes : (points, n) array_like
             Mass-normalised mode shapes in 1/sqrt(kg): one row per point, one column per mode.
-        force : Force
+        force : Force, optional
             Forces in N at the points: sequences over all points, or mappings such as ``{"tip": 5.0}``.
         stops : sequence of Stop
             Directions over the points in the same form; ``{"tip": 1.0, "frame": -1.0}`` stops tip against frame.
@@ -165,7 +166,7 @@ class ImpactSystem(ByValue):
         (array([2., 2.]), array([ 2.04, -4.29]))
         """
         rates, ratios, table = table_of_modes(frequencies, damping_ratios, shapes)
-        check_force(force)
+        force = checked_force(force)
         places = names_of_points(points, len(table))
         vectors = {name: over_modes(name, value, places, table) for name, value in force.vectors.items()}
         harmonics = {order: vectors[f"harmonics[{order}]"] for order in force.harmonics}

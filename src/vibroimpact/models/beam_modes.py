@@ -23,7 +23,8 @@ class BeamModes:
               \frac{1}{L} \int_0^L \phi_i \phi_j \, dx = \delta_{ij}
 
     The natural angular frequencies are (beta L)^2 sqrt(E I / (m' L^4)), where m' is the mass per length. Divided by the
-    root of the beam's mass, phi is mass-normalised.
+    root of the beam's mass, phi is mass-normalised. A mode with beta L = 0 turns the rigid beam about x = 0; its shape
+    is sqrt(3) x/L.
 
     Parameters
     ----------
@@ -48,7 +49,8 @@ class BeamModes:
         b = self.wave_numbers
         z = b * place
         waves = self.cosine * np.cos(z) + self.sine * np.sin(z)
-        return self._clean(waves + self.decaying * np.exp(-z) + self.growing * np.exp(z - b))
+        bent = self._clean(waves + self.decaying * np.exp(-z) + self.growing * np.exp(z - b))
+        return np.where(b > 0.0, bent, math.sqrt(3.0) * place)
 
     @property
     def means(self) -> Floats:
@@ -56,7 +58,9 @@ class BeamModes:
         b = self.wave_numbers
         far = self.cosine * np.sin(b) - self.sine * np.cos(b) - self.decaying * np.exp(-b) + self.growing
         near = -self.sine - self.decaying + self.growing * np.exp(-b)
-        return self._clean(far - near) / b
+        rigid = np.full(len(b), math.sqrt(0.75))
+        means: Floats = np.divide(self._clean(far - near), b, out=rigid, where=b > 0.0)
+        return means
 
     def hertz(self, rigidity: float, mass_per_length: float, length: float) -> Floats:
         """Return the natural frequencies in Hz, given E I in N m^2, the mass per length in kg/m and the length in m."""
@@ -76,9 +80,10 @@ def beam_modes(ends: str, count: int) -> BeamModes:
     Parameters
     ----------
     ends : str
-        ``"clamped-free"``, ``"clamped-clamped"``, ``"clamped-pinned"`` or ``"pinned-pinned"``; the end at x = 0 first.
+        ``"clamped-free"``, ``"clamped-clamped"``, ``"clamped-pinned"``, ``"pinned-pinned"`` or ``"pinned-free"``; the
+        end at x = 0 first.
     count : int
-        The number of modes.
+        The number of modes. The first one of a pinned-free beam is its rigid rotation, of frequency zero.
 
     Returns
     -------
@@ -87,10 +92,10 @@ def beam_modes(ends: str, count: int) -> BeamModes:
 
     Notes
     -----
-    The characteristic equations, cos b cosh b = -1, cos b cosh b = 1, tan b = tanh b and sin b = 0 for b = beta L, are
-    solved in bounded forms, such as cos b + 1/cosh b = 0, between b0 - 1/2 and b0 + 1/2, where b0 are their roots for
-    large b. With s = (sinh b - sin b)/(cosh b + cos b) for a cantilever, and similarly for the others, C = (1 + s)/2
-    and D = (1 - s) e^b/2 are written so that e^b cancels before it is computed.
+    The characteristic equations, cos b cosh b = -1, cos b cosh b = 1, tan b = tanh b (also of pinned-free beams) and
+    sin b = 0 for b = beta L, are solved in bounded forms, such as cos b + 1/cosh b = 0, between b0 - 1/2 and b0 + 1/2,
+    where b0 are their roots for large b. With s = (sinh b - sin b)/(cosh b + cos b) for a cantilever, and similarly for
+    the others, C = (1 + s)/2 and D = (1 - s) e^b/2 are written so that e^b cancels before it is computed.
 
     References
     ----------
@@ -112,6 +117,8 @@ def _root(equation: Callable[[float], float] | None, near: float) -> float:
 
     if equation is None:
         return near
+    if near < 1.0:
+        return 0.0  # a rigid rotation; the first bending mode of all other ends has b0 > 1.5
     return float(brentq(equation, near - 0.5, near + 0.5, xtol=1e-15, rtol=4.0 * _EPS))
 
 
@@ -138,6 +145,15 @@ def _clamped(b: Floats, growing: Floats) -> tuple[Floats, ...]:
     return -np.ones(len(b)), 1.0 - 2.0 * rest, 1.0 - rest, growing
 
 
+def _pinned_free(b: Floats) -> tuple[Floats, ...]:
+    """Return the coefficients of s (sin z/sin b + sinh z/sinh b), s = sign(sin b), whose mean square is 1."""
+    bends = b > 0.0
+    tanh = np.where(bends, np.tanh(b), 1.0)
+    growing = np.sign(np.sin(b)) / np.where(bends, 1.0 - np.exp(-2.0 * b), 1.0)
+    sine = bends * np.hypot(1.0, tanh) / tanh  # 1/|sin b|, where tan b = tanh b
+    return np.zeros(len(b)), sine, -growing * np.exp(-b), growing
+
+
 def _pinned_pinned(b: Floats) -> tuple[Floats, ...]:
     none = np.zeros(len(b))
     return none, np.full(len(b), math.sqrt(2.0)), none, none
@@ -149,6 +165,7 @@ _ENDS: dict[str, tuple[float, Callable[[float], float] | None, Callable[[Floats]
     "clamped-clamped": (0.5, lambda b: math.cos(b) - 1.0 / math.cosh(b), _clamped_clamped),
     "clamped-pinned": (0.25, lambda b: math.sin(b) - math.tanh(b) * math.cos(b), _clamped_pinned),
     "pinned-pinned": (0.0, None, _pinned_pinned),
+    "pinned-free": (-0.75, lambda b: math.sin(b) - math.tanh(b) * math.cos(b), _pinned_free),
 }
 
 
