@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import pytest
 
 import vibroimpact as vi
-from fenced import ROOT, blocks, table
+from fenced import ROOT, blocks, fences, table
 from vibroimpact.dataset import VARIABLES
 
 DOCS = ROOT / "docs"
@@ -63,6 +63,12 @@ def test_every_class_that_a_user_receives_has_a_page():
     received = {name for page in pages if page in defined for name in handed_out(defined[page])}
     classes = {name for name in received if isinstance(defined.get(name), ast.ClassDef) and name[0] != "_"}
     assert classes - set(pages) <= {"Cells", "SystemCells"}
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if fences(page)], ids=named)
+def test_code_fits_beside_the_contents_of_a_page(page):
+    """Such a column holds 88 characters; a block with longer lines, typed or printed, has to be scrolled."""
+    assert [line for _, body in fences(page) for line in body.splitlines() if len(line) > 88] == []
 
 
 @pytest.mark.long
