@@ -151,6 +151,11 @@ def test_a_wrong_request_exits_2_with_one_line_and_touches_nothing(refused, comm
         ("describe omega 2", "; parameters are given as -p NAME=VALUE, without spaces"),
         ("describe --p omega=2", "No such option: --p; parameters are given as -p NAME=VALUE"),
         ("describe -omega 2", "No such option: -o; parameters are given as -p NAME=VALUE"),
+        ("map -x omega=1:2:3", "No such option: -x; did you mean --x?"),
+        ("boundary --x omega=1:2 --y mass=1:2 --kind folds", "unknown `--kind` 'folds'; choose from fold"),
+        ("describe old.toml", "did you mean 'odd.toml'?"),
+        ("describe missing.toml", "give the name of a TOML file"),
+        ("plot notes.nc --index std", "`--index` needs a figure; add for example --out figure.png"),
         ("describe -p omega= 2", "`-p` must be NAME=VALUE such as omega=2.8, got 'omega='; write it without spaces"),
         ("describe -p omega=1 2", "write -p NAME=VALUE without spaces"),
         ("describe -p omega=1:2:3", "give a range as an axis: --x omega=1:2:3"),
@@ -191,6 +196,7 @@ def test_a_newcomers_mistake_is_answered_with_what_to_type(refused, tmp_path, co
     (tmp_path / "notes.txt").write_text("gap 0.5 mm\n")
     (tmp_path / "quotes.toml").write_text("[oscillator]\nmass = “2kg”\n", encoding="utf-8")
     (tmp_path / "plain.py").write_text("x = 3\n")
+    (tmp_path / "odd.toml").write_text("[oscillator]\nmass = 2\n")
     assert words in refused(command)
 
 

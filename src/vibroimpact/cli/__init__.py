@@ -68,8 +68,10 @@ def _refusal(error: Any) -> str:
         return f"no option {error.option_name!r}: parameters are given as -p {parameter}=VALUE"
     context, text = getattr(error, "ctx", None), error.format_message()
     path = context.command_path if context else "vibroimpact"
-    takes_parameters = context and any("-p" in each.opts for each in context.command.params)
-    if takes_parameters and (text.startswith("Got unexpected") or len(name) == 1):
+    flags = {flag for each in context.command.params for flag in each.opts} if context else set()
+    if f"--{name.lower()}" in flags:
+        text = f"{text.rstrip('.')}; did you mean --{name.lower()}?"
+    elif "-p" in flags and (text.startswith("Got unexpected") or len(name) == 1):
         text = re.sub(r"\.$| \(Possible.*", "", text) + "; parameters are given as -p NAME=VALUE, without spaces."
     option = "--version" if text.startswith("No such command 'version'") else "--help"
     return f"{text} Try `{path} {option}`."

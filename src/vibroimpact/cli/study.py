@@ -135,9 +135,9 @@ def _instead_of(path: Path) -> str:
     if text == "=" or text in {*OF_ONE_MASS, *EVERY} or isinstance(number(text), (int, float)):
         return "write -p NAME=VALUE without spaces, and separate several names or numbers by commas alone"
     with suppress(OSError):
-        files = [each.name for each in path.parent.iterdir() if each.suffix == ".toml" and each.is_file()]
-        if near := closest(path.name, files):
-            return f"did you mean {str(path.parent / near)!r}?"
+        files = {each.stem: each for each in path.parent.iterdir() if each.suffix == ".toml" and each.is_file()}
+        if near := closest(path.stem, files):
+            return f"did you mean {str(files[near])!r}?"
     if is_unit(text):
         return "write a value and its unit without a space, as in gap=0.5mm"
     return "give the name of a TOML file, and parameters as -p NAME=VALUE"
