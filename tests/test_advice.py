@@ -236,7 +236,7 @@ def test_the_head_names_the_motion_that_hits_hardest_and_advice_aims_at_it():
     assert verdict.motion.name == "no impact"
     assert verdict.worst.share == pytest.approx(0.88, abs=0.02)
     assert verdict.worst.max_velocity == pytest.approx(0.1054, rel=1e-3)
-    head = str(verdict).partition("boundaries")[0]
+    head = " ".join(str(verdict).split()).partition("boundaries")[0]
     assert f"{100 * verdict.worst.share:.2g} % of the initial conditions: period-1 impact-1, 0.1054 m/s" in head
     assert {advice.before for advice in verdict.advice} == {verdict.worst.max_velocity}
 
@@ -272,7 +272,7 @@ def test_a_long_chaotic_transient_is_named_beside_the_motion_that_it_ends_in(num
     verdict = vi.describe(osc, parameters=[])
     assert (verdict.motion.n_periods, verdict.motion.n_impacts) == name
     assert verdict.transient == "chaotic"
-    assert f"certain after {verdict.watched} impacts: the first 5100 look chaotic" in str(verdict)
+    assert f"certain after {verdict.watched} impacts: the first 5100 look chaotic" in " ".join(str(verdict).split())
     assert verdict.max_velocity == pytest.approx(
         max(verdict.orbit.velocities if verdict.orbit else verdict.motion.velocities)
     )
@@ -282,7 +282,7 @@ def test_chaos_is_said_to_last_as_long_as_it_was_watched():
     verdict = vi.describe(vi.ImpactOscillator(omega=2.8), parameters=[])
     assert (verdict.kind, verdict.transient) == ("chaotic", "")
     assert verdict.watched >= 100_000
-    assert f"watched over {verdict.watched} impacts" in str(verdict)
+    assert f"watched over {verdict.watched} impacts" in " ".join(str(verdict).split())
 
 
 @pytest.mark.parametrize("velocity", RESTS)
@@ -292,4 +292,4 @@ def test_a_rest_that_rounding_decides_is_named_by_where_most_releases_lead(veloc
     assert (verdict.max_velocity, verdict.indices["max_velocity"]) == pytest.approx((velocity, velocity), abs=1e-3)
     assert sum(verdict.releases.values()) == 32
     assert verdict.releases["period-1 impact-1"] > 16
-    assert "rounding decides" in str(verdict)
+    assert "rounding decides" in " ".join(str(verdict).split())

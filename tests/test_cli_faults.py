@@ -69,7 +69,7 @@ def child(*arguments: str, **options):
         ("section none.toml", "`study` 'none.toml' cannot be read"),
         ("section --colour red", "No such option"),
         ("secton", "No such command"),
-        ("simulate --periods 0", "`periods` must be a number > 0, got 0"),
+        ("simulate --periods 0", "`periods` must be a finite number > 0, got 0"),
         ("diagram", "needs exactly one axis, got none"),
         ("diagram --x omega=1:2:3 --direction left", "unknown `direction` 'left'; choose from fresh, up, down"),
         ("map", "needs an axis"),
@@ -138,6 +138,70 @@ def child(*arguments: str, **options):
 def test_a_wrong_request_exits_2_with_one_line_and_touches_nothing(refused, command, words):
     given = command if command.startswith("reproduce") else f"{command} --out result.png"
     assert re.search(words, refused(given))
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("help", "No such command 'help'. Try `vibroimpact --help`"),
+        ("version", "Try `vibroimpact --version`"),
+        ("Map --x omega=1:2:3", "Did you mean 'map'"),
+        ("map help", "did you mean `--help`?"),
+        ("describe -p omega = 2", "; parameters are given as -p NAME=VALUE, without spaces"),
+        ("describe omega 2", "; parameters are given as -p NAME=VALUE, without spaces"),
+        ("describe --p omega=2", "No such option: --p; parameters are given as -p NAME=VALUE"),
+        ("describe -omega 2", "No such option: -o; parameters are given as -p NAME=VALUE"),
+        ("map -x omega=1:2:3", "No such option: -x; did you mean --x?"),
+        ("boundary --x omega=1:2 --y mass=1:2 --kind folds", "unknown `--kind` 'folds'; choose from fold"),
+        ("describe old.toml", "did you mean 'odd.toml'?"),
+        ("describe missing.toml", "give the name of a TOML file"),
+        ("plot notes.nc --index std", "`--index` needs a figure; add for example --out figure.png"),
+        ("describe -p omega= 2", "`-p` must be NAME=VALUE such as omega=2.8, got 'omega='; write it without spaces"),
+        ("describe -p omega=1 2", "write -p NAME=VALUE without spaces"),
+        ("describe -p omega=1:2:3", "give a range as an axis: --x omega=1:2:3"),
+        ("describe -p gap=5 mm", "write a value and its unit without a space, as in gap=0.5mm"),
+        ("describe -p omega=25HZ", "turned into rad/s, got '25HZ'; did you mean 25Hz?"),
+        ("describe -p stiffness=3KN/m", "turned into N/m, got '3KN/m'; did you mean 3kN/m?"),
+        ("describe -p mass=2m", "turned into kg, got '2m'"),
+        ("describe -p OMEGA=2", "did you mean 'omega'?"),
+        ("describe -p gap=-inf", "`gap` must be a finite number, got -inf"),
+        ("describe -p omega=1e400", "`omega` must be a finite number > 0, got inf"),
+        ("describe -p “omega=2”", "got '“omega=2”'; leave out the quotation marks"),
+        ("describe -p omega=‘2’", "got '‘2’'; leave out the quotation marks"),
+        ('describe -p omega="25Hz"', "leave out the quotation marks"),
+        ("describe --vary omega gap", "separate several names or numbers by commas alone"),
+        ("map --x omega=1:2:3 --indices std lyapunov", "separate several names or numbers by commas alone"),
+        ("map --x omega=1:2:3 --indices ,", "`indices` must be one or more of std"),
+        ("map --x omega=1:2:3 --indices Std", "did you mean 'std'?"),
+        ("orbit --near 0.2 1.4", "separate several names or numbers by commas alone"),
+        ("section --start 1mm,0,0", "`displacement` must be a finite number, got '1mm'; write it without a unit"),
+        ("section --sample-impacts 1e6", "`sample_impacts` must be a whole number >= 1, got 1000000.0; write 1000000"),
+        ("section --sample-impacts 100000000000", "`sample_impacts` must be at most 1,000,000,000"),
+        ("simulate --periods inf", "`periods` must be a finite number > 0, got inf"),
+        ("describe --model Bouncing_Ball", "did you mean 'bouncing_ball'?"),
+        ("describe --model notes.txt", "`model` must be FILE.py:NAME"),
+        ("describe --model plain.py", "but plain.py has none; write @vibroimpact.family above a function"),
+        ("describe --model plain.py:x", "but plain.py has none; write @vibroimpact.family above a function"),
+        ("describe notes.txt", "is no study file"),
+        ("describe quotes.toml", "write straight quotation marks"),
+        ("describe folder.toml", "it is a folder; give the name of a TOML file"),
+        ("map --x omega=1:2:3 --out folder", "`out` must end in .zarr"),
+        ("plot folder.nc", "is not a regular file"),
+        ("orbit --model two_sided_oscillator --stops middle", "unknown `stops` 'middle'; choose from left, right"),
+    ],
+)
+def test_a_newcomers_mistake_is_answered_with_what_to_type(refused, tmp_path, command, words):
+    for folder in ("folder", "folder.toml", "folder.nc"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "notes.txt").write_text("gap 0.5 mm\n")
+    (tmp_path / "quotes.toml").write_text("[oscillator]\nmass = “2kg”\n", encoding="utf-8")
+    (tmp_path / "plain.py").write_text("x = 3\n")
+    (tmp_path / "odd.toml").write_text("[oscillator]\nmass = 2\n")
+    assert words in refused(command)
+
+
+def test_a_list_may_end_in_a_comma(run):
+    assert run("map --x omega=2:2.1:2 --indices std, --sample-impacts 20")[0] == 0
 
 
 @pytest.mark.parametrize(

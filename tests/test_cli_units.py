@@ -159,6 +159,7 @@ def test_answers_are_in_the_parameter_and_unit_that_were_typed(run, tmp_path, ty
     assert code == 0
     assert driving in said[0]
     assert "gap 0.5 mm" in said[0]
+    assert f"{driving}, restitution 0.8, gap 0.5 mm" in " ".join(verdict.split())
     name, value, unit = driving.split()
     assert re.search(rf"^  {name} \[{unit}\] ", verdict, re.MULTILINE)
     assert re.search(r"^  gap \[mm\] ", verdict, re.MULTILINE)
@@ -167,6 +168,16 @@ def test_answers_are_in_the_parameter_and_unit_that_were_typed(run, tmp_path, ty
     assert "rad/s" not in verdict + said[0]
     short = " ".join(" ".join(run(f"describe {design} -p {typed} --vary omega")[1]).split())
     assert f"lower {name} by 2.8 % to {text} {unit}: " in short
+
+
+def test_a_machine_is_answered_in_the_unit_that_was_typed(run):
+    code, lines, said = run("describe --model unbalanced_machine -p rpm=20Hz -p gap=1mm --vary rpm --full")
+    verdict = " ".join(" ".join(lines).split())
+    assert code == 0
+    assert "rpm 20 Hz, gap 1 mm" in said[0]
+    assert "rpm 20 Hz, gap 1 mm" in verdict
+    assert re.search(r"parameter down to .* rpm \[Hz\] 11\.2", verdict)
+    assert re.search(r"lower rpm by [\d.]+ % to 18\.\d+ Hz: ", verdict)
 
 
 def test_axes_are_announced_in_the_unit_that_was_typed(run):

@@ -558,7 +558,7 @@ def test_equal_springs_on_both_sides_are_mirror_images_and_others_are_not():
 
 
 def test_a_verdict_tells_how_hard_how_long_and_how_deep_the_hardest_contact_is():
-    text = str(vi.describe(bilinear(), parameters=[]))
+    text = " ".join(str(vi.describe(bilinear(), parameters=[])).split())
     (orbit,) = vi.find_orbit(bilinear())
     (contact,) = orbit.contacts
     assert f"largest force {contact.peak_force:.4g} N, which pushes for {contact.contact_time:.4g} s" in text
@@ -568,6 +568,6 @@ def test_a_verdict_tells_how_hard_how_long_and_how_deep_the_hardest_contact_is()
 def test_a_mass_that_never_leaves_a_spring_is_not_said_to_rest():
     spring = vi.Stop(direction=1, gap=-0.3, stiffness=100.0, damping=1.0, name="above")
     resting = bilinear(stops=[spring], force=vi.Force(omega=2.0, harmonics={1: 0.1}))
-    text = str(vi.describe(resting, parameters=[]))
+    text = " ".join(str(vi.describe(resting, parameters=[])).split())
     assert "pressed into above" in text
     assert "at rest at" not in text

@@ -6,14 +6,16 @@ import importlib
 import json
 import pkgutil
 import re
+from itertools import pairwise
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import pytest
 
 import vibroimpact as vi
-from fenced import ROOT, blocks, table
+from fenced import ROOT, blocks, fences, table
 from vibroimpact.dataset import VARIABLES
+from vibroimpact.indices import EVERY
 
 DOCS = ROOT / "docs"
 PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("[a-z]*/**/*.md"), *ROOT.glob("*.md")])
@@ -63,6 +65,12 @@ def test_every_class_that_a_user_receives_has_a_page():
     received = {name for page in pages if page in defined for name in handed_out(defined[page])}
     classes = {name for name in received if isinstance(defined.get(name), ast.ClassDef) and name[0] != "_"}
     assert classes - set(pages) <= {"Cells", "SystemCells"}
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if fences(page)], ids=named)
+def test_code_fits_beside_the_contents_of_a_page(page):
+    """Such a column holds 88 characters; a block with longer lines, typed or printed, has to be scrolled."""
+    assert [line for _, body in fences(page) for line in body.splitlines() if len(line) > 88] == []
 
 
 @pytest.mark.long
@@ -135,15 +143,41 @@ def test_every_public_function_has_an_example():
     assert [name for name in without if ">>> " not in (getattr(vi, name).__doc__ or "")] == []
 
 
+GLOSSARY = DOCS / "reference" / "glossary.md"
+
+
+def entries():
+    """Return the first line of each entry of the glossary, by its term."""
+    lines = "".join(blocks(GLOSSARY, "{glossary}")).splitlines()
+    return {term: line.strip() for term, line in pairwise(lines) if term[:1] > " " and line[:1] == " "}
+
+
 def test_the_statuses_of_the_glossary_are_those_of_the_code():
-    rows = table(DOCS / "reference" / "glossary.md", "| code | `status`")
-    assert rows == [[str(s.value), s.word, s.sentence.replace("`", "")] for s in vi.Status]
+    told = entries()
+    assert [told[s.word] for s in vi.Status] == [f"Code {s.value}: {s.sentence}." for s in vi.Status]
     assert [s.has_indices for s in vi.Status] == [True] * 4 + [False] * 7  # "the first four"
 
 
 def test_the_glossary_has_the_words_symbols_and_units_of_results():
-    rows = table(DOCS / "reference" / "glossary.md", "| word | symbol")
-    assert rows == [[name, symbol, words, unit] for name, (words, unit, symbol) in VARIABLES.items()]
+    rows = table(GLOSSARY, "| word | symbol")
+    assert rows == [
+        [name, symbol, words, unit] for name, (words, unit, symbol) in VARIABLES.items() if name not in EVERY
+    ]
+    told = entries()
+    for index in EVERY.values():
+        unit = "a pure number" if index.units == "1" else f"in {index.units}"
+        assert told[index.name] == f"`{index.symbol}`, {unit}: {index.long_name}."
+
+
+@pytest.mark.parametrize("page", [*DOCS.glob("[grst]*/*.md"), DOCS / "index.md"], ids=named)
+def test_a_table_or_caption_links_a_status_or_an_index_to_the_glossary_where_it_names_it_first(page):
+    names = {"Std": "std", **{name: name for name in [*(s.word for s in vi.Status), *EVERY]}}
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for part in re.findall(r"(?:^\|.*\n)+|^\*[^*\s][^*]*\*$", text, re.MULTILINE):
+        first = {}
+        for linked, code, plain in re.findall(r"{term}`(?:[^`<]*<)?(\w+)>?`|[`\"](\w+)[`\"]|\b(Std)\b", part):
+            first.setdefault(names.get(linked or code or plain), bool(linked))
+        assert [name for name, link in first.items() if name and not link] == [], part
 
 
 def test_the_page_on_gpus_states_what_was_measured():

@@ -190,7 +190,7 @@ def test_all_faults_of_a_file_are_told_at_once_a_line_each(write):
         ({"axes": {"omega": [1.0], "w": [1.0]}}, "give either `omega` or `w`, not both"),
         ({"axes": {"restitution": {"from": 0, "to": 1.5, "points": 3}}}, "`restitution.to` must be .*, got 1.5"),
         ({"sampling": {"sample_impacts": 10.5}}, "`sample_impacts` must be a whole number >= 1, got 10.5"),
-        ({"run": {"time_step": 0}}, "`time_step` must be a number > 0, got 0"),
+        ({"run": {"time_step": 0}}, "`time_step` must be a finite number > 0, got 0"),
         ({"run": {"indices": 3}}, "`indices` must be a list of names .*, got 3"),
         ({"run": {"early_closing": 1}}, "`early_closing` must be true or false, got 1"),
     ],

@@ -121,7 +121,7 @@ def test_a_verdict_on_twins_names_the_one_from_rest_and_the_other():
     assert {motion.name for motion in verdict.attractors} == {"period-1 impact-2 a", "period-1 impact-2 b"}
     here, other = verdict.attractors
     assert here.from_rest
-    assert "hits hardest" not in str(verdict)  # both hit as hard
+    assert "hits hardest" not in " ".join(str(verdict).split())  # both hit as hard
     assert {here.stop, other.stop} == {"above", "below"}
     first = vi.impact_section(TWINS, transient_impacts=2000, sample_impacts=2)
     assert str(first["stop"].values[np.argmax(first["velocity"].values)]) == here.stop
@@ -142,10 +142,10 @@ def test_a_motion_clear_of_the_stops_says_how_far():
 def test_a_motion_that_rests_says_so_and_needs_no_orbit():
     verdict = vi.describe(vi.family(vi.models.bouncing_ball), parameters=["frequency"])
     assert verdict.motion.name == "period-1 sticking"
-    assert "followed by a complete chatter" in str(verdict)
-    assert "not sought: only those of periodic motions" in str(verdict)
+    assert "followed by a complete chatter" in " ".join(str(verdict).split())
+    assert "not sought: only those of periodic motions" in " ".join(str(verdict).split())
     assert verdict.worst.name == "period-1 impact-1"
-    assert f"{100 * verdict.worst.share:.2g} % of the initial conditions" in str(verdict)
+    assert f"{100 * verdict.worst.share:.2g} % of the initial conditions" in " ".join(str(verdict).split())
     assert numbers(str(verdict), "hits        hardest ", " m/s") == [float(f"{max(verdict.motion.velocities):.4g}")]
 
 
@@ -176,7 +176,9 @@ def test_only_motions_that_are_not_told_apart_are_said_to_count_as_one(name, tog
 
 def test_a_mass_that_lies_on_its_stop_rests_there():
     still = vi.models.bouncing_ball(amplitude=1e-6)
-    assert "from rest permanently in contact, at rest at table" in str(vi.describe(still, parameters=[]))
+    assert "from rest permanently in contact, at rest at table" in " ".join(
+        str(vi.describe(still, parameters=[])).split()
+    )
 
 
 def test_a_verdict_is_plain_data_and_two_are_a_table():
@@ -250,7 +252,7 @@ def test_others_are_said_to_hit_harder_where_they_do(seed):
     verdict = vi.describe(random_pair(100 + seed), parameters=[])
     others = [motion for motion in verdict.attractors if motion.share and not motion.from_rest]
     hardest = max((motion.max_velocity for motion in others), default=0.0)
-    assert ("hits hardest" in str(verdict)) == (hardest > verdict.max_velocity * (1 + 1e-9))
+    assert ("hits hardest" in " ".join(str(verdict).split())) == (hardest > verdict.max_velocity * (1 + 1e-9))
     here, *rest = verdict.attractors
     unknown = replace(verdict, kind="budget", attractors=(replace(here, max_velocity=math.nan), *rest))
     assert unknown.worst == max(others, key=lambda motion: motion.max_velocity, default=None) or hardest == 0.0

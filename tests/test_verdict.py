@@ -77,8 +77,8 @@ def test_at_w_0_1_the_mass_rests_for_the_50_digit_share_of_the_time(values):
     share = float(known["stuck_duration"]) / float(known["T"])
     assert verdict.indices["stick_fraction"] == pytest.approx(share, abs=1e-9)
     assert verdict.max_velocity == pytest.approx(float(known["max_v"]), rel=1e-11)
-    assert f"{100 * share:.3g} % of the time at rest" in str(verdict)
-    assert "erases all memory" in str(verdict)
+    assert f"{100 * share:.3g} % of the time at rest" in " ".join(str(verdict).split())
+    assert "erases all memory" in " ".join(str(verdict).split())
 
 
 @pytest.mark.long
@@ -186,7 +186,7 @@ def test_without_impacts_the_motion_first_touches_the_stop_where_its_amplitude_i
         assert boundary.kind == "first_contact"
         there = osc.replace(**{boundary.parameter: boundary.value})
         assert there.steady_amplitude == pytest.approx(there.gap, rel=1e-12)
-    assert f"stays {0.5 - osc.steady_amplitude:.3g} m clear" in str(verdict)
+    assert f"stays {0.5 - osc.steady_amplitude:.3g} m clear" in " ".join(str(verdict).split())
     assert edge(verdict, "gap", -1).value == pytest.approx(osc.steady_amplitude, rel=1e-14)
 
 
@@ -207,7 +207,7 @@ def test_at_w_3_a_sticking_motion_coexists_with_a_periodic_one():
     assert (other.name, other.from_rest) == ("period-2 impact-2", False)
     assert mine.share + other.share == pytest.approx(1.0)
     assert 0.05 < mine.share < 0.25  # about one start in eight
-    assert "period-6 sticking (this motion)" in str(verdict)
+    assert "period-6 sticking (this motion)" in " ".join(str(verdict).split())
 
 
 @pytest.mark.long(but=1)
@@ -242,7 +242,7 @@ def test_the_smallest_change_that_softens_the_hits_is_no_smaller_than_needed():
 def test_where_nothing_hits_there_is_nothing_to_calm():
     verdict = vi.describe(vi.ImpactOscillator(gap=0.5), parameters=["omega"])
     assert verdict.advice == ()
-    assert "no impacts from rest" in str(verdict)
+    assert "no impacts from rest" in " ".join(str(verdict).split())
 
 
 # How it is told
@@ -255,7 +255,7 @@ def verdict_of(osc):
 def test_what_is_given_in_hertz_is_told_in_hertz_too():
     """w = 2 pi 20 Hz."""
     verdict = vi.describe(vi.ImpactOscillator(stiffness=4e4, frequency=20.0), parameters=[])
-    assert "omega 125.664 rad/s (20 Hz)" in str(verdict)
+    assert "omega 125.664 rad/s (20 Hz)" in " ".join(str(verdict).split())
 
 
 def test_a_change_of_the_gap_is_told_beside_the_gap_and_beside_the_static_deflection():
@@ -292,12 +292,12 @@ def test_boundaries_are_a_table_in_the_units_that_were_given():
             assert what in verdict._repr_html_()
             assert place in verdict._repr_html_()
             assert place in str(Comparison(("A", "B"), (verdict, verdict)))
-    assert "frequency 1500 rpm" in str(verdict)
-    assert "gap 0.5 mm" in str(verdict)
+    assert "frequency 1500 rpm" in " ".join(str(verdict).split())
+    assert "gap 0.5 mm" in " ".join(str(verdict).split())
     advised = verdict.advice[0]
     assert advised.parameter == "omega"
-    assert f"frequency by 2.8 % to {advised.value * 30.0 / math.pi:.6g} rpm" in str(verdict)
-    assert "rad/s" not in str(verdict) + str(Comparison(("A", "B"), (verdict, verdict)))
+    assert f"frequency by 2.8 % to {advised.value * 30.0 / math.pi:.6g} rpm" in " ".join(str(verdict).split())
+    assert "rad/s" not in " ".join(str(verdict).split()) + str(Comparison(("A", "B"), (verdict, verdict)))
     assert "omega" not in str(verdict)
 
 
@@ -358,7 +358,7 @@ def test_a_motion_that_outlasts_its_budget_is_told_as_such():
     verdict = vi.describe(RARE, parameters=["omega"], tolerances=hasty)
     assert verdict.kind == "budget"
     assert "raise `flight_periods` or `steps_per_impact`" in " ".join(str(verdict).split())
-    assert "none, as the motion from rest was not followed to its end" in str(verdict)
+    assert "none, as the motion from rest was not followed to its end" in " ".join(str(verdict).split())
 
 
 def test_units_a_million_times_off_change_no_words():
@@ -467,7 +467,7 @@ def test_a_family_is_described_and_compared_by_its_own_parameters():
     for advice in verdict.advice:
         changed = shaker.replace(**{advice.parameter: advice.value}).at()
         assert hardest_hit(changed) <= advice.max_velocity * (1.0 + 1e-6)
-    assert f"clearance_mm {shaker.values['clearance_mm']:g} mm" in str(verdict)
+    assert f"clearance_mm {shaker.values['clearance_mm']:g} mm" in " ".join(str(verdict).split())
     assert json.loads(json.dumps(verdict.to_dict(), allow_nan=False))["model"]["rpm"] == 1500.0
     two = vi.compare(shaker, shaker.replace(rpm=1200.0), parameters=["rpm"])
     assert two.dataset["rpm"].values.tolist() == [1500.0, 1200.0]

@@ -77,7 +77,7 @@ def test_advice_without_a_gap_is_measured_by_the_hardest_motion_that_is_reached(
 
 def test_no_impacts_are_claimed_of_initial_conditions_that_are_undecided():
     """Without loss nothing attracts; from rest the spring presses the mass to the stop."""
-    verdict = str(
+    verdict = text_of(
         vi.describe(vi.ImpactOscillator(amplitude=0.0, damping=0.0, restitution=1.0, gap=-0.5), parameters=[])
     )
     assert "100 % of the initial conditions: undecided" in verdict

@@ -238,8 +238,11 @@ def _model_in(module: Any, name: str, place: Any) -> Model:
         if code is not None:
             line = f"{Path(code.co_filename).name}, line {code.co_firstlineno}"
             raise ValueError(f"`model` {place!r} is a function; write @vibroimpact.family above it ({line})")
-        hint = "" if models else "write @vibroimpact.family above a function"
-        raise unknown("model", name, models or ["none"], f"{hint} (in {Path(module.__file__).name})".strip())
+        file = Path(module.__file__).name
+        if not models:
+            hint = "write @vibroimpact.family above a function that returns an oscillator or a system"
+            raise ValueError(f"`model` must name a model, but {file} has none; {hint}")
+        raise unknown("model", name, models, f"(in {file})")
     try:
         models[name].at()
     except ValueError as error:

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 COUNTS = 1_000_000_000  # the largest number of anything
+QUOTES = frozenset("\"'“”‘’„«»")  # those of word processors, too: a shell leaves them in
 SMALLEST = 1e-60  # the size of a number that is not 0, 1e60 the largest: products of several are numbers, too
 
 
@@ -96,9 +97,10 @@ def several(name: str, values: Any, what: str) -> tuple[Any, ...]:
 
 def positive_number(name: str, value: Any) -> float:
     """Return the value as a finite float above 0."""
-    number = real_number(name, value, "a number > 0")
+    allowed = "a finite number > 0"
+    number = real_number(name, value, allowed)
     if number <= 0.0:
-        raise invalid(name, value, "a number > 0")
+        raise invalid(name, value, allowed)
     return number
 
 
@@ -119,7 +121,8 @@ def whole_number(name: str, value: Any, least: int, most: int = COUNTS) -> int:
             raise TypeError
         number = operator.index(value)
     except TypeError:
-        raise invalid(name, value, allowed, _unquoted(value)) from None
+        whole = isinstance(value, float) and value.is_integer() and least <= value <= most
+        raise invalid(name, value, allowed, f"write {value:.0f}" if whole else _unquoted(value)) from None
     if number < least:
         raise invalid(name, value, allowed)
     if number > most:
@@ -128,6 +131,8 @@ def whole_number(name: str, value: Any, least: int, most: int = COUNTS) -> int:
 
 
 def _unquoted(value: Any) -> str:
+    if isinstance(value, str) and set(value) & QUOTES:
+        return "leave out the quotation marks"
     if isinstance(value, str) and (comma := re.fullmatch(r"\s*([-+]?\d*),(\d.*)", value)):
         return f"write the decimals after a point: {comma[1]}.{comma[2]}"
     try:

@@ -3,6 +3,7 @@
 # Annotations are evaluated here: typer reads those of a function that only `commands` sees.
 import logging
 import os
+import re
 import sys
 import threading
 from collections.abc import Sequence
@@ -65,8 +66,15 @@ def _refusal(error: Any) -> str:
     parameter = next((each.name for each in OF_ONE_MASS.values() if name and name in (each.name, each.symbol)), "")
     if parameter:
         return f"no option {error.option_name!r}: parameters are given as -p {parameter}=VALUE"
-    path = error.ctx.command_path if getattr(error, "ctx", None) else "vibroimpact"
-    return f"{error.format_message()} Try `{path} --help`."
+    context, text = getattr(error, "ctx", None), error.format_message()
+    path = context.command_path if context else "vibroimpact"
+    flags = {flag for each in context.command.params for flag in each.opts} if context else set()
+    if f"--{name.lower()}" in flags:
+        text = f"{text.rstrip('.')}; did you mean --{name.lower()}?"
+    elif "-p" in flags and (text.startswith("Got unexpected") or len(name) == 1):
+        text = re.sub(r"\.$| \(Possible.*", "", text) + "; parameters are given as -p NAME=VALUE, without spaces."
+    option = "--version" if text.startswith("No such command 'version'") else "--help"
+    return f"{text} Try `{path} {option}`."
 
 
 def _report(message: str, code: int) -> int:

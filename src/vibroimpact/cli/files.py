@@ -17,7 +17,7 @@ import typer
 
 from vibroimpact.cli import output
 from vibroimpact.cli import schema as o
-from vibroimpact.cli.endings import REFUSALS, Interrupted, refusing
+from vibroimpact.cli.endings import REFUSALS, Interrupted, WrongRequest, refusing
 from vibroimpact.cli.options import FLAG, PATH, Option, Options, with_options
 from vibroimpact.parameters import printable
 from vibroimpact.progress import Meter, duration, remaining
@@ -44,6 +44,8 @@ def plot(options: Options) -> None:
       vibroimpact plot map.zarr --out map.csv
     """
     output.check_looks(options)
+    if unused := [name for name in ("index", "level") if options[name] is not None and options["out"] is None]:
+        raise WrongRequest(f"`--{unused[0]}` needs a figure; add for example --out figure.png")
     with refusing(OSError):
         over = output.read(options, "over")
     dataset = _summarise(options["file"], shown=options["out"] is None)

@@ -36,8 +36,8 @@ def numbers(flag: str, text: str, example: str, count: int = 0) -> tuple[int | f
 
 
 def words(text: str) -> list[str]:
-    """Return the words of a comma-separated list."""
-    return [word.strip() for word in text.split(",")]
+    """Return the words of a comma-separated list, which may end in a comma."""
+    return [word for part in text.split(",") if (word := part.strip())]
 
 
 @dataclass(frozen=True)

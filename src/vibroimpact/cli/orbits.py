@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -16,6 +17,7 @@ from vibroimpact.cli.endings import Ended, WrongRequest, refusing
 from vibroimpact.cli.options import Options, numbers, with_options
 from vibroimpact.cli.study import Study, study_of
 from vibroimpact.compiling import before_compiling, clock
+from vibroimpact.parameters import choice
 from vibroimpact.progress import Meter, duration
 
 if TYPE_CHECKING:
@@ -373,7 +375,6 @@ def _kinds(options: Options, study: Study) -> tuple[str, ...]:
 
     with refusing():
         possible = kinds_of(study.model)
-    chosen = [kind.replace("-", "_").replace(" ", "_") for kind in options.value("kinds") or possible]
-    if unknown := [kind for kind in chosen if kind not in possible]:
-        raise WrongRequest(f"unknown `--kind` {unknown[0]!r}; choose from {', '.join(possible).replace('_', '-')}")
-    return tuple(chosen)
+        names = {kind.replace("_", "-"): kind for kind in possible}
+        typed = [re.sub("[ _]", "-", kind) for kind in options.value("kinds") or names]
+        return tuple(names[choice("--kind", kind, names)] for kind in typed)

@@ -11,7 +11,7 @@ from vibroimpact import figures, indices
 from vibroimpact.cli.endings import WrongRequest
 from vibroimpact.cli.options import FLAG, PATH, TEXTS, Key, Option, number, numbers, words
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.parameters import choice, invalid, phase_number, positive_number, real_number, whole_number
+from vibroimpact.parameters import QUOTES, choice, invalid, phase_number, positive_number, real_number, whole_number
 
 ENDS = ("from", "to", "points")  # of an axis
 
@@ -51,7 +51,9 @@ def _backend(name: str, value: Any) -> str:
 
 def _coordinates(name: str, value: Any) -> Any:
     """Return a number, or several for the coordinates of a system."""
-    return [real_number(name, each) for each in value] if isinstance(value, (list, tuple)) else real_number(name, value)
+    if isinstance(value, (list, tuple)):
+        return [_coordinates(name, each) for each in value]
+    return real_number(name, value, hint="write it without a unit" if isinstance(value, str) else "")
 
 
 def _level(name: str, value: Any) -> float:
@@ -67,7 +69,13 @@ def parse_parameters(texts: list[str]) -> dict[str, Any]:
     for text in texts:
         name, sign, value = (part.strip() for part in text.partition("="))
         if not (name and sign and value):
-            raise WrongRequest(f"`-p` must be NAME=VALUE such as omega=2.8, got {text!r}")
+            raise WrongRequest(f"`-p` must be NAME=VALUE such as omega=2.8, got {text!r}; write it without spaces")
+        if name[0] in QUOTES:
+            raise WrongRequest(
+                f"`-p` must be NAME=VALUE such as omega=2.8, got {text!r}; leave out the quotation marks"
+            )
+        if ":" in value:
+            raise WrongRequest(f"`-p` must be NAME=VALUE, got {text!r}; give a range as an axis: --x {text}")
         entries.pop(name, None)  # the order decides between a name and its symbol
         entries[name] = number(value)
     return entries

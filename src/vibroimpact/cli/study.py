@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 from vibroimpact.beside import compile_beside
 from vibroimpact.cli.endings import refusing
-from vibroimpact.cli.options import Options
+from vibroimpact.cli.options import Options, number
 from vibroimpact.cli.schema import ENDS, TABLES
+from vibroimpact.indices import EVERY
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
-from vibroimpact.model.units import has_unit, quantity, shown_as, shown_value, unit_of, without_unit
+from vibroimpact.model.units import has_unit, is_unit, quantity, shown_as, shown_value, unit_of, without_unit
 from vibroimpact.options import Tolerances
-from vibroimpact.parameters import Parameter, closest, invalid, unknown, whole_number
+from vibroimpact.parameters import OF_ONE_MASS, Parameter, closest, invalid, unknown, whole_number
 
 if TYPE_CHECKING:
     from vibroimpact.cells import Floats
@@ -96,14 +97,18 @@ def study_of(options: Options, file: Path | None = None) -> Study:
 
 
 def _load(path: Path) -> dict[str, Any]:
+    text = ""
     try:
-        document = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        text = Path(path).read_text(encoding="utf-8")
+        document = tomllib.loads(text)
     except OSError as error:
         message = f"`study` {str(path)!r} cannot be read ({error.strerror}); {_instead_of(path)}"
         raise OSError(error.errno, message) from error
     except ValueError as error:
         if path.suffix.lower() == ".toml":
-            raise ValueError(f"`study` {str(path)!r} is invalid TOML: {error}") from error
+            curved = re.search(r"=\s*[“”‘’„«»]", text)
+            straight = '; write straight quotation marks: "' if curved else ""
+            raise ValueError(f"`study` {str(path)!r} is invalid TOML: {error}{straight}") from error
         raise ValueError(f"`study` {str(path)!r} is no study file (TOML); {_instead_of(path)}") from error
     except RecursionError:
         raise ValueError(f"`study` {str(path)!r} is invalid TOML: its values are nested too deeply") from None
@@ -123,9 +128,18 @@ def _instead_of(path: Path) -> str:
         return f"did you mean `--model {text}:NAME`?"
     if ending in (".zarr", ".nc"):
         return f"a saved result is shown by `vibroimpact plot {text}`"
+    if text == "help":
+        return "did you mean `--help`?"
+    if path.is_dir():
+        return "it is a folder; give the name of a TOML file"
+    if text == "=" or text in {*OF_ONE_MASS, *EVERY} or isinstance(number(text), (int, float)):
+        return "write -p NAME=VALUE without spaces, and separate several names or numbers by commas alone"
     with suppress(OSError):
-        if near := closest(path.name, [each.name for each in path.parent.iterdir() if each.suffix == ".toml"]):
-            return f"did you mean {str(path.parent / near)!r}?"
+        files = {each.stem: each for each in path.parent.iterdir() if each.suffix == ".toml" and each.is_file()}
+        if near := closest(path.stem, files):
+            return f"did you mean {str(files[near])!r}?"
+    if is_unit(text):
+        return "write a value and its unit without a space, as in gap=0.5mm"
     return "give the name of a TOML file, and parameters as -p NAME=VALUE"
 
 

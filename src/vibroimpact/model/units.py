@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
@@ -47,7 +48,17 @@ def without_unit(parameter: Parameter, value: Any) -> Any:
     except faults:
         turned = f"a number, or one with a unit that can be turned into {parameter.unit}"
         allowed = "a number without a unit, or in %" if parameter.unit == "1" else turned
-        raise invalid(parameter.name, value, allowed) from None
+        raise invalid(parameter.name, value, allowed, _meant(written[1], written[2].strip(), parameter)) from None
+
+
+def _meant(number: str, unit: str, parameter: Parameter) -> str:
+    """Return what was probably meant by a unit in the wrong case, such as HZ; "" if nothing is."""
+    cases = unit.lower(), unit.capitalize(), unit[0].lower() + unit[1:], unit[0] + unit[1:].lower()
+    for case in cases:
+        with suppress(*_registry()[1]):
+            _converted(1.0, case, parameter.unit)
+            return f"did you mean {number}{case}?"
+    return ""
 
 
 def has_unit(values: Iterable[Any]) -> bool:
@@ -99,6 +110,17 @@ def quantity(model: Model, name: str, value: float, digits: int, units: Mapping[
     """Return a value of a parameter with its unit, both as `shown_as` writes them."""
     unit = shown_as(model, name, units)[1]
     return f"{shown_value(model, name, value, units):.{digits}g} {unit}".removesuffix(" 1")
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a text is a unit alone, such as mm; False without pint."""
+    try:
+        units, faults = _registry()
+    except ValueError:
+        return False
+    with suppress(*faults):
+        return units.parse_units(_name_of(text)) is not None
+    return False
 
 
 def check_units(model: Model, units: Mapping[str, str] | None) -> dict[str, str]:

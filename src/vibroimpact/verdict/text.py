@@ -27,7 +27,7 @@ from vibroimpact.verdict.ranges import percent
 if TYPE_CHECKING:
     from vibroimpact.verdict.describe import Verdict
 
-MARGIN, WIDTH = 12, 110  # characters: of the titles, and of a line
+MARGIN, WIDTH = 12, 88  # characters: of the titles, and of a line
 PRECISION = 1e-6  # of the motion's size: how well a state is known whose future is predicted
 NEUTRAL = 1e-3  # per period: an exponent so small says nothing of whether perturbations decay
 CHANGES = 3  # advised, listed at most
