@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from functools import lru_cache
-from itertools import combinations
+from itertools import chain, combinations
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from vibroimpact.cells import Floats
 from vibroimpact.parameters import SMALLEST, invalid, radians
 
+FEW = 6  # bounds, all of whose sets are tried
 KEPT = 256  # sets of matrices whose checks and modes are remembered
 COORDINATES = 128  # at most: enough for a bar of finite elements that resolve its waves
 ROUNDING = 16.0 * np.finfo(np.float64).eps  # per coordinate: the rounding error of eigenvalues and products of matrices
@@ -222,28 +224,41 @@ def symmetric(matrix: Floats) -> Floats:
 
 
 def nearest(mass: Floats, directions: Floats, bounds: Floats) -> Floats | None:
-    """Return the q nearest to 0 in the mass metric with `directions` q <= `bounds`; None if there is none.
-
-    Linearly dependent sets of bounds need not be tried.
-    """
-    n, rest = len(mass), np.zeros(len(mass))
+    """Return the q nearest to 0 in the mass metric with `directions` q <= `bounds`; None if there is none."""
+    n = len(mass)
     if (bounds >= 0.0).all():
-        return rest
+        return np.zeros(n)
     moved = np.linalg.solve(mass, directions.T)
     gram = directions @ moved
     size = np.sqrt(np.diag(gram))
-    for count in range(1, min(n, len(bounds)) + 1):
-        for active in map(list, combinations(range(len(bounds)), count)):
-            inside = gram[np.ix_(active, active)]
-            if np.linalg.eigvalsh(inside / np.outer(size[active], size[active]))[0] < n * ROUNDING:
-                continue
-            q: Floats = np.linalg.solve(inside.T, moved[:, active].T).T @ bounds[active]
-            slack = n * ROUNDING * (np.abs(directions) @ np.abs(q) + np.abs(bounds))
-            slack[active] = np.inf
-            pushed = np.linalg.solve(inside, bounds[active])
-            if (pushed <= 0.0).all() and (directions @ q <= bounds + slack).all():
-                return q
+    for active in _possible(mass, directions / size[:, None], bounds / size):
+        inside = gram[np.ix_(active, active)]
+        if np.linalg.eigvalsh(inside / np.outer(size[active], size[active]))[0] < n * ROUNDING:
+            continue  # linearly dependent sets of bounds need not be tried
+        q: Floats = np.linalg.solve(inside.T, moved[:, active].T).T @ bounds[active]
+        slack = n * ROUNDING * (np.abs(directions) @ np.abs(q) + np.abs(bounds))
+        slack[active] = np.inf
+        pushed = np.linalg.solve(inside, bounds[active])
+        if (pushed <= 0.0).all() and (directions @ q <= bounds + slack).all():
+            return q
     return None
+
+
+def _possible(mass: Floats, directions: Floats, bounds: Floats) -> Iterator[list[int]]:
+    """Yield the sets of bounds that may hold the nearest point: all if bounds are few, or the one that does.
+
+    The latter is where x > 0 in the least squares of E x = f, x >= 0, with E = [-(D L^-T)^T; -b^T], f = [0; 1] and
+    M = L L^T (Lawson and Hanson, Solving Least Squares Problems, chapter 23).
+    """
+    if len(bounds) <= FEW:
+        sizes = range(1, min(len(mass), len(bounds)) + 1)
+        yield from map(list, chain.from_iterable(combinations(range(len(bounds)), size) for size in sizes))
+        return
+    from scipy.optimize import nnls
+
+    along = np.linalg.solve(np.linalg.cholesky(mass), directions.T)
+    weights, _ = nnls(-np.vstack([along, bounds / np.abs(bounds).max()]), np.eye(len(mass) + 1)[-1])
+    yield np.flatnonzero(weights).tolist()
 
 
 def block_matrix(one: Floats, two: Floats, three: Floats, four: Floats) -> Floats:

@@ -47,12 +47,10 @@ def begin(rows, k, room):
     turns(rows, k, None)
     touching, members, ahead = measure(rows, k, room), int(0.0), int(0.0)
     for z in range(k.stops):
-        size = abs(room.rate[z])
-        for j in range(k.modes):
-            size += abs(rows[k.alpha + z * k.modes + j] * rows[k.rate + j])
-        if touching >> z & 1 and abs(room.rate[z]) <= ROUNDING * size:
+        least = ROUNDING * _size_of_rate(rows, z, k, room)
+        if touching >> z & 1 and abs(room.rate[z]) <= least:
             members |= 1 << z
-        if rows[k.spring + z] > 0.0 and room.rate[z] < -ROUNDING * size:
+        if rows[k.spring + z] > 0.0 and room.rate[z] < -least:
             u, _, reach = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
             ahead |= int(abs(u) <= TOUCH * reach + NOWHERE * rows[k.speed]) << z
     closing = settle(rows, k, room, members) if members else 0
@@ -60,16 +58,31 @@ def begin(rows, k, room):
 
 
 @inner
+def _size_of_rate(rows, z, k, room):
+    """Return the sum of the sizes of what the rate of a clearance is the sum of."""
+    size = abs(room.rate[z])
+    for j in range(k.modes):
+        size += abs(rows[k.alpha + z * k.modes + j] * rows[k.rate + j])
+    return size
+
+
+@inner
 def release(rows, k, room):
-    """Let go of the stop whose holding force has fallen to zero; return those that close instead."""
+    """Let go of the stop whose holding force has fallen to zero; return those that close instead.
+
+    Others may be let go at the same instant, and rest at it without a force: what follows decides for all together.
+    """
     z, idle = int(rows[k.which]), False
     rows[k.kind + z] = RELEASED
-    measure(rows, k, room)
+    touching = measure(rows, k, room) & ~(1 << z)
     shut = closed(rows, k)
+    members = shut | 1 << z
     for y in range(k.stops):
-        idle |= shut >> y & 1 and rows[k.held + y * (k.stops + 1)] == 0.0
-    if idle:  # it may have to hold now
-        return settle(rows, k, room, shut | 1 << z) & ~(shut | 1 << z)
+        idle |= shut >> y & 1 and rows[k.held + y * (k.stops + 1)] == 0.0  # it may have to hold now
+        if touching >> y & 1 and abs(room.rate[y]) <= ROUNDING * _size_of_rate(rows, y, k, room):
+            members |= 1 << y
+    if idle or members != shut | 1 << z:
+        return settle(rows, k, room, members) & ~(shut | 1 << z)
     hold(rows, k, room, shut)
     return 0
 
