@@ -146,3 +146,10 @@ def test_the_sides_of_a_machine_may_differ(run):
     one, other = (run(f"section --model impact_pair -p {side}_restitution=0.3")[1][0] for side in ("left", "right"))
     assert one != run("section --model impact_pair")[1][0]
     assert other
+
+
+def test_the_numbers_of_many_stops_are_left_out_of_the_line_that_announces_a_model(run, tmp_path):
+    content = "import vibroimpact as vi\nten = vi.models.tube_in_many_supports(supports=5)\n"
+    (tmp_path / "supports.py").write_text(content, encoding="utf-8")
+    told = run("section --model supports.py:ten --sample-impacts 20 --out hits.nc")[2]
+    assert told[0] == "ImpactSystem: omega 100.531 rad/s, 10 stops"

@@ -20,7 +20,16 @@ from vibroimpact.cli.schema import ENDS, TABLES
 from vibroimpact.indices import EVERY
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
-from vibroimpact.model.units import has_unit, is_unit, quantity, shown_as, shown_value, unit_of, without_unit
+from vibroimpact.model.units import (
+    few_values,
+    has_unit,
+    is_unit,
+    quantity,
+    shown_as,
+    shown_value,
+    unit_of,
+    without_unit,
+)
 from vibroimpact.options import Tolerances
 from vibroimpact.parameters import OF_ONE_MASS, Parameter, closest, invalid, unknown, whole_number
 
@@ -50,12 +59,13 @@ class Study:
     def __str__(self) -> str:
         """Return the model and its numbers, or the range of those that an axis varies, in the units given."""
         model, units = self.model, self.units
+        values, others = few_values(model)
         varied = {model.parameters[name].replaces or name for name in self.axes}
         numbers = [
             f"{shown_as(model, name, units)[0].name} {quantity(model, name, value, 6, units)}"
-            for name, value in model.values.items()
+            for name, value in values.items()
             if name not in varied
-        ]
+        ] + others
         for name, axis in self.axes.items():
             low = f"{shown_value(model, name, float(axis[0]), units):.6g}"
             numbers.append(f"{name} {low} to {quantity(model, name, float(axis[-1]), 6, units)}")

@@ -10,7 +10,9 @@ from functools import cache
 from typing import Any
 
 from vibroimpact.model import Model, check_names
-from vibroimpact.parameters import Parameter, invalid, to_install
+from vibroimpact.parameters import Parameter, counted, invalid, to_install
+
+MANY = 16  # values, at most, in a line
 
 # A number, then a unit; what follows the number is no exponent.
 _WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*((?![eE][-+]?\d)[a-zA-Zµμ%°].*)")
@@ -163,3 +165,12 @@ def _registry() -> tuple[Any, tuple[type[Exception], ...]]:
     units: Any = pint.UnitRegistry()
     units.define("hertz = turn / second = Hz")  # for pint 10 Hz are 10 rad/s
     return units, (pint.PintError, AttributeError, AssertionError, TypeError, ValueError)
+
+
+def few_values(model: Model) -> tuple[dict[str, float], list[str]]:
+    """Return the values that a line has room for, and in words what is left out: the numbers of many stops."""
+    design, values = model.at(), dict(model.values)
+    of_stops = {f"{stop.name}_{kind}" for stop in design.stops for kind in stop.kinds} & set(values)
+    if len(values) <= MANY or not of_stops:
+        return values, []
+    return {name: value for name, value in values.items() if name not in of_stops}, [counted(len(design.stops), "stop")]

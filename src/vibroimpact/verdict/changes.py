@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from vibroimpact.model import Model
-from vibroimpact.model.units import quantity, shown_as, shown_value
+from vibroimpact.model.units import few_values, quantity, shown_as, shown_value
 from vibroimpact.orbits.orbit import value_of
 from vibroimpact.parameters import Parameter, hertz
 from vibroimpact.showing import Table
@@ -181,8 +181,11 @@ def advice_text(model: Model, advice: Advice, units: Mapping[str, str] = OWN_UNI
 def parameters_line(verdict: Verdict) -> str:
     """Return the parameters of a design in a line."""
     model, units = verdict.model, verdict.units
-    values = [(name, with_hertz(model, name, value, units)) for name, value in model.values.items()]
-    return ", ".join(f"{shown_as(model, name, units)[0].name} {text}" for name, text in values)
+    values, others = few_values(model)
+    texts = [
+        f"{shown_as(model, name, units)[0].name} {with_hertz(model, name, values[name], units)}" for name in values
+    ]
+    return ", ".join([*texts, *others])
 
 
 def with_hertz(model: Model, name: str, value: float, units: Mapping[str, str]) -> str:

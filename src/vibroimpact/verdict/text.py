@@ -241,7 +241,7 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
     sample, of = f"{SPREAD} spread initial conditions", " of the initial conditions"
     undecided = verdict.undecided
     if named := not is_one_mass(design):
-        sample += f", impacts on {listed(list(design.stop_names))}"
+        sample += f", impacts on {listed(list(dict.fromkeys(design.groups)))}"
     if len(motions) == 1 and not undecided:
         as_one = not design.forgets and motions[0].name in ("quasi-periodic", "intermittent sticking")
         comma, but = "," * named, f", but all {motions[0].name} motions count as one" * as_one
