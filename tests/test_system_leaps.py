@@ -232,3 +232,17 @@ def test_what_is_seen_within_far_leaps_is_the_motion():
             state = turn @ state
         count += 1
     assert count > 3
+
+
+@pytest.mark.parametrize("ends", ["tube_in_supports", "clamped_tube_in_supports"])
+@pytest.mark.parametrize("modes", [3, 5, 8, 12])
+def test_to_look_for_near_misses_changes_no_motion_before_or_in_the_window(ends, modes):
+    """Far leaps of many modes keep away from every stop, also where no near-miss counts yet."""
+    tube = getattr(vi.models, ends)(modes=modes, force_per_length=12.0)
+    window = {"omega": [tube.omega], "transient_impacts": 20, "sample_impacts": 20}
+    plain = vi.parameter_map(tube, indices=["max_velocity", "mean_velocity"], **window)
+    wary = vi.parameter_map(tube, indices=["max_velocity", "mean_velocity", "grazing_margin"], **window)
+    for name in ("max_velocity", "mean_velocity"):
+        assert wary[name].item() == pytest.approx(plain[name].item(), rel=1e-6)
+    hits = vi.impact_section(tube, transient_impacts=20, sample_impacts=20)["velocity"].values
+    assert wary["max_velocity"].item() == pytest.approx(hits.max(), rel=1e-6)

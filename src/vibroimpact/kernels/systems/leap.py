@@ -196,8 +196,9 @@ def leap_far(rows, k, wide, willing):
             for j in range(k.modes):
                 away = fma(get(rows, at + 1 + j, wide), abs(get(rows, k.eta + j, wide)), away)
                 away = fma(get(rows, at + 1 + k.modes + j, wide), abs(get(rows, k.rate + j, wide)), away)
-            if k.wary:
-                away = away + get(rows, k.missed + z, wide)
+            if k.wary:  # below zero it says that no near-miss counts; the stop is there all the same
+                missed = get(rows, k.missed + z, wide)
+                away = away + select(missed > 0.0, missed, 0.0)
             u0, w0 = _apart(rows, z, k.slow, k.drawn, k.eta, s, c, k, wide)
             u1, w1 = _apart(rows, z, k.slow, k.drawn, k.leapt, s1, c1, k, wide)
             sag = 0.5 * FAR * FAR * _bend(rows, k.fars, z, w0, w1, k, wide)
