@@ -146,7 +146,7 @@ def test_a_branch_that_rests_is_followed_to_its_end(run, tmp_path):
     ("command", "words"),
     [
         (f"continue {OWN} --x omega=7:9 --near 0.1,1", "`--near` of a system goes with `--stops`"),
-        (f"boundary {OWN} --x omega=7:9 --y bar_gap=0:1 --kind end-of-sticking", "unknown `--kind` 'end_of_sticking'"),
+        (f"boundary {OWN} --x omega=7:9 --y bar_gap=0:1 --kind end-of-sticking", "unknown `--kind` 'end-of-sticking'"),
         (f"basins {OWN}", "`stop` must name the stop that is struck: bar, baffle"),
         (f"basins {OWN} --x gap=0:1:3 --y velocity_0=0:1:3", "unknown coordinate 'gap'; choose from displacement_0"),
         ("describe --model bouncing_ball --vary gap", "unknown parameter 'gap'; choose from mass, amplitude"),
