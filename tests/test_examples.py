@@ -87,7 +87,7 @@ UNRUN = {
     "export ": "sets options of Dask",
     "import vibroimpact as vi\nfrom dask": "needs a cluster",
     "import numpy as np\nimport vibroimpact as vi\nfrom dask": "needs a cluster",
-    "import vibroimpact as vi\n\ntube = vi.models.tube_in_many_supports": "a picture: tests compare what it draws",
+    "import vibroimpact as vi\n\ntube = vi.models.tube_in_many_supports": "makes a picture: `make figures` runs it",
     "vi.explore(": "serves until it is stopped",
     "491,678 of": "progress of a run that takes minutes",
     "220 s elapsed": "as above",
