@@ -18,12 +18,7 @@ from vibroimpact.contact import Law
 from vibroimpact.matrices import ROUNDING, nearest, numbers
 from vibroimpact.model.elements import NUMBERS, Element, element_of
 from vibroimpact.model.force import by_order, check_length, vector
-from vibroimpact.parameters import (
-    SMALLEST,
-    invalid,
-    real_number,
-    several,
-)
+from vibroimpact.parameters import SMALLEST, invalid, real_number, several
 
 STOPS = 64  # at most: a set of stops is the bits of a number
 

@@ -169,8 +169,10 @@ def _registry() -> tuple[Any, tuple[type[Exception], ...]]:
 
 def few_values(model: Model) -> tuple[dict[str, float], list[str]]:
     """Return the values that a line has room for, and in words what is left out: the numbers of many stops."""
-    design, values = model.at(), dict(model.values)
-    of_stops = {f"{stop.name}_{kind}" for stop in design.stops for kind in stop.kinds} & set(values)
-    if len(values) <= MANY or not of_stops:
+    values = dict(model.values)
+    if len(values) <= MANY:
         return values, []
-    return {name: value for name, value in values.items() if name not in of_stops}, [counted(len(design.stops), "stop")]
+    stops = model.at().stops
+    of_stops = {f"{stop.name}_{kind}" for stop in stops for kind in stop.kinds} & set(values)
+    kept = {name: value for name, value in values.items() if name not in of_stops}
+    return kept, [counted(len(stops), "stop")] if of_stops else []

@@ -86,8 +86,8 @@ def impact_statistics(
     if is_model(source):
         motion = impact_section(source, transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     record, model = _record(motion), model_of(motion)
-    names = list(dict.fromkeys(model.groups if by == "group" else model.stop_names))
     support = dict(zip(model.stop_names, model.groups if by == "group" else model.stop_names, strict=True))
+    names = list(dict.fromkeys(support.values()))
     struck = np.array([names.index(support[name]) for name in record.stops], int)
     edges = _edges(classes, float(record.columns["velocity"].max(initial=0.0)))
     gap = Parameter("rest_time", "rest time", "s", low=0.0).check(rest_time)

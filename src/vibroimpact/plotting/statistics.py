@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -41,23 +43,13 @@ def impact_histogram(statistics: xr.Dataset, ax: Axes | None = None) -> Axes:
             of = statistics.isel(stop=at)
             facts = [quantity(of[key].item(), of[key].attrs["units"], 4) for key in ("rate", "max_velocity", "power")]
             text = f"{name}: {facts[0]}, up to {facts[1]}, {facts[2]}"
-            color = style.color_at(STOPS, at)
-            ax.bar(
-                low,
-                rates[at],
-                high - low,
-                below,
-                align="edge",
-                color=color,
-                edgecolor="white",
-                linewidth=0.4,
-                label=text,
-            )
+            look: Any = {"color": style.color_at(STOPS, at), "edgecolor": "white", "linewidth": 0.4}
+            ax.bar(low, rates[at], high - low, below, align="edge", label=text, **look)
             below += rates[at]
     if not below.any():
         ax.text(0.5, 0.5, "no impacts", transform=ax.transAxes, ha="center", va="center", color="#555555")
     ax.set_xlim(low[0], high[-1])
-    labels.label_axes(ax, statistics["velocity_class"], statistics["rate"])
-    ax.set_xlabel(ax.get_xlabel().replace(statistics["velocity_class"].attrs["long_name"], "impact velocity"))
+    velocity = statistics["velocity_class"].assign_attrs(long_name="impact velocity")
+    labels.label_axes(ax, velocity, statistics["rate"])
     legend(ax, statistics)
     return ax

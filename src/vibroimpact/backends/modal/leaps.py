@@ -40,9 +40,10 @@ def _prepare(k: Layout, table: Floats) -> None:
     square, load, alpha = _block(table, k.square, n), _block(table, k.load, n), _block(table, k.alpha, s, n)
     force, motion = _block(table, k.force, n, m, 2), _block(table, k.motion, s, m, 2)
     damping, theta = _block(table, k.damping, n, n), _block(table, k.theta, 1)
-    weight, loads = _block(table, k.weight, n), np.abs(load) + np.hypot(force[..., 0], force[..., 1]).sum(axis=-1)
+    weight, swing = _block(table, k.weight, n), np.hypot(force[..., 0], force[..., 1]).sum(axis=-1)
+    loads = np.abs(load) + swing
     _block(table, k.barrier, s)[:] = _barriers(k, table)
-    power = np.linalg.norm(np.sqrt(weight) * np.hypot(force[..., 0], force[..., 1]).sum(axis=-1), axis=-1)
+    power = np.linalg.norm(np.sqrt(weight) * swing, axis=-1)
     table[:, k.growth] = 1.0 / np.maximum(power, np.finfo(float).tiny)
     lift, swings = _lift(square, load, force, motion, alpha, theta)
     _block(table, k.lift, s, n + 1 + 2 * m)[:] = lift
