@@ -51,7 +51,7 @@ class _Recorder:
         filled = np.zeros((wide, 3), np.int64)
         self._buffers = walk.Record(impacts, np.zeros((wide, looks, 2 * k.modes)), rests, filled)
         owner, ends = np.full(LANES, -1), np.full(LANES, walk.GOES_ON)
-        before = np.zeros(k.rows * LANES if looks else 0)
+        before = np.zeros(k.fixed * LANES if looks else 0)
         notes, rows, spare = np.zeros((wide, noted(k))), np.zeros((wide, k.rows)), np.zeros(k.rows)
         self._busy = walk.Busy(aligned(k.rows * LANES), owner, notes, ends, before, rows, spare)
         self._rows = self._busy.lanes.reshape(-1, LANES)

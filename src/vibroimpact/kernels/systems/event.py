@@ -50,13 +50,6 @@ def lower(lanes, lane, cell, number):
         lanes[row * LANES + lane] = cell[row]
 
 
-@inner
-def lower_alike(lanes, cell, number):
-    """Copy so many numbers of a cell into all lanes: none of them then does what the cell does not."""
-    for row in range(number):
-        put(lanes, row, 0, cell[row])
-
-
 @deferred("impacts beside the usual", 3, by_kind=True)
 def _occur(rows, k, room, note, window):
     """Make what ended the step of one cell, and sum it up."""
@@ -100,40 +93,40 @@ def _is_plain(k):
 
 
 @deferred("steps of systems", 4, by_kind=True)
-def _walk_on(lanes, k):
+def _walk_on(rows, k, wide):
     """Make leaps as far as they are certified, half a one before and after whole ones, and a step."""
     if not k.wary:  # near-misses are those of all stops
-        look_around(lanes, k, 0)
-    willing = leapt = may_leap(lanes, k, 0)
+        look_around(rows, k, wide)
+    willing = leapt = may_leap(rows, k, wide)
     if anywhere(willing):
-        look(lanes, k, 0)
+        look(rows, k, wide)
     number = 0
     while number < LEAPS + 2 and anywhere(willing):
-        willing = leap(lanes, k, 0, 0 < number <= LEAPS, willing)
+        willing = leap(rows, k, wide, 0 < number <= LEAPS, willing)
         if number == 0:
             leapt = willing
             if k.far:
-                leap_far(lanes, k, 0, willing)
+                leap_far(rows, k, wide, willing)
         number += 1
         if number > LEAPS or not anywhere(willing):
             number, willing = max(number, LEAPS + 1), leapt
     if k.compliant and k.modes == 1:
-        leap_within(lanes, k, 0)
-    step(lanes, k, 0)
+        leap_within(rows, k, wide)
+    step(rows, k, wide)
 
 
 @inner
-def walk_on(lanes, k):
-    """Make leaps and a step of all lanes, by the part that observes what is needed; a deviation is carried along."""
+def walk_on(rows, k, wide):
+    """Make leaps and a step, by the part that observes what is needed; a deviation is carried along."""
     if k.compliant:
         if k.wary or k.draining:
-            _walk_on(lanes, k)
+            _walk_on(rows, k, wide)
         else:
-            _walk_on(lanes, _unobserved(k))
+            _walk_on(rows, _unobserved(k), wide)
     elif k.wary or k.draining:
-        _walk_on(lanes, rigid(k))
+        _walk_on(rows, rigid(k), wide)
     else:
-        _walk_on(lanes, rigid(_unobserved(k)))
+        _walk_on(rows, rigid(_unobserved(k)), wide)
 
 
 @deferred("impacts of systems", 2, by_kind=True)
@@ -169,7 +162,7 @@ def _add_usual(lanes, notes, k, window):
 @inner
 def go_on(lanes, notes, k, window):
     """Make leaps and a step of all lanes and the usual impacts that end it, all summed up."""
-    walk_on(lanes, k)
+    walk_on(lanes, k, 0)
     if not anywhere(get(lanes, k.hit, 0) == CONTACT):
         return
     if k.compliant:

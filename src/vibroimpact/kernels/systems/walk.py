@@ -52,7 +52,7 @@ class Schedule(NamedTuple):
 
 
 class Busy(NamedTuple):
-    """Lanes: which hold a cell, their notes, why they stopped, the lanes a step before, and room for two cells."""
+    """Lanes: which hold a cell, their notes, why they stopped, how they were a step before, and room for two cells."""
 
     lanes: Any
     owner: Any
@@ -64,6 +64,16 @@ class Busy(NamedTuple):
 
 
 GOES_ON = -1  # beside the ends of cells
+SLACK = 1e-9  # periods: looks that are so little ahead may be behind, but for rounding
+
+
+@inner
+def _ahead(record, lane, schedule, periods, phase):
+    """Return how many periods after that time the next look of a lane is."""
+    number = float(record.filled[lane, 1])
+    whole = math.floor(number / schedule.per_period)
+    ahead = (schedule.first[lane, 0] - periods + whole) + (schedule.first[lane, 1] - phase)
+    return ahead + (number - whole * schedule.per_period) / schedule.per_period
 
 
 @inner
@@ -71,10 +81,7 @@ def _look(rows, k, record, lane, schedule, periods, phase):
     """Leave the states at the looks that lie within the step just made, which began at that time."""
     end, pace, filled, looks = rows[k.passed], rows[k.pace], record.filled[lane], record.looks[lane]
     while filled[1] < len(looks):
-        number = float(filled[1])
-        whole = math.floor(number / schedule.per_period)
-        ahead = (schedule.first[lane, 0] - periods + whole) + (schedule.first[lane, 1] - phase)
-        x = (ahead + (number - whole * schedule.per_period) / schedule.per_period) * TURN / rows[k.theta]
+        x = _ahead(record, lane, schedule, periods, phase) * TURN / rows[k.theta]
         if x >= end:
             return
         for j in range(k.modes):
@@ -251,13 +258,33 @@ def seat(busy, lane, k, row, room, record):
 
 
 @inner
+def _is_alone(busy):
+    """Return whether there is a single cell: it is stepped outside of its lane, where it has its series."""
+    return len(busy.rows) == 1
+
+
+@inner
+def _keep(lanes, k, before):
+    """Keep what can change of all lanes."""
+    for at in range(k.fixed * LANES):
+        before[at] = lanes[at]
+
+
+@inner
 def _look_at_all(busy, k, record, schedule):
-    """Leave the states of all cells at the looks since the step before."""
+    """Leave the states of all cells at the looks since the step before, whose lanes are `before`."""
+    lanes, turn = busy.lanes, k.turn * LANES
     for lane in range(LANES):
-        if busy.owner[lane] >= 0:
-            lift(busy.lanes, lane, busy.rows[lane], k.rows)
-            lift(busy.before, lane, busy.spare, k.rows)
-            _look_on_way(busy.rows[lane], busy.spare, k, record, lane, schedule)
+        if busy.owner[lane] < 0:
+            continue
+        at = turn + lane
+        periods, phase = moment(lanes[at], lanes[at + LANES], lanes[at + 2 * LANES])
+        if _ahead(record, lane, schedule, periods, phase) <= SLACK:
+            rows = busy.rows[lane]
+            lift(lanes, lane, rows, k.fixed if _is_alone(busy) else k.rows)
+            copy(rows, busy.spare)
+            lift(busy.before, lane, busy.spare, k.fixed)
+            _look_on_way(rows, busy.spare, k, record, lane, schedule)
 
 
 @inner
@@ -277,8 +304,13 @@ def _follow(busy, k, room, record, window, schedule, most, alone):
     lanes, looking, over = busy.lanes, schedule.number > 0.0, False
     for number in range(most):
         if looking:
-            copy(lanes, busy.before)
-        walk_on(lanes, k)
+            _keep(lanes, k, busy.before)
+        if _is_alone(busy):
+            lift(lanes, 0, busy.rows[0], k.fixed)
+            walk_on(busy.rows[0], k, None)
+            lower(lanes, 0, busy.rows[0], k.fixed)
+        else:
+            walk_on(lanes, k, 0)
         if looking:
             _look_at_all(busy, k, record, schedule)
         struck, due = _bounce_all(lanes, k), number % LOOK == 0
@@ -328,8 +360,8 @@ def carry_over(row, rows, k, room, lanes, before, first, periods, most):
     began, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
     passed = 0.0
     for _ in range(most):
-        copy(lanes, before)
-        walk_on(lanes, k)
+        _keep(lanes, k, before)
+        walk_on(lanes, k, 0)
         now, later = moment(lanes[k.turn * LANES], lanes[(k.turn + 1) * LANES], lanes[(k.turn + 2) * LANES])
         last, passed = passed, (now - began) + (later - phase)
         if passed >= periods:
