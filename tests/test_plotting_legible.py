@@ -305,7 +305,7 @@ def test_boundaries_of_any_design_differ_in_the_legend_and_are_named_in_the_plan
     frame = drawn.get_window_extent().padded(1.0)
     assert all(frame.contains(*corner) for text in texts for corner in text.get_window_extent().corners())
     types = {("no impact" if max(map(max, (o.velocities for o in c.orbits))) == 0.0 else _short(c)) for c in curves}
-    assert types >= {text.get_text() for text in texts}
+    assert types >= {text.get_text().partition(",")[0] for text in texts}
     assert len(texts) >= 0.7 * len(curves)
     for line, curve in zip(lines, curves, strict=False):
         np.testing.assert_array_equal(line.get_xydata(), curve.values)

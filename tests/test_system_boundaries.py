@@ -10,7 +10,7 @@ from test_system_continuation import GRAVITY, ball, of_the_ball, symmetric
 from vibroimpact.continuation import Boundaries, coverage, curves
 from vibroimpact.continuation.curves import curves_through
 from vibroimpact.continuation.results import kinds_of
-from vibroimpact.dataset import bundle
+from vibroimpact.dataset import bundle, unbundle
 from vibroimpact.orbits import orbit_distance
 from vibroimpact.report import sentences_of
 
@@ -99,6 +99,24 @@ def test_a_boundary_of_a_system_survives_files_and_is_drawn(tmp_path, pitchfork)
     assert vi.load(tmp_path / "curve.nc").identical(curve.dataset)
     ax = vi.plotting.boundaries(curve)
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["pitchfork of period-1 impact-2"]
+
+
+def test_curves_of_one_type_on_different_stops_are_told_apart_by_their_labels(tmp_path):
+    """The legend gives kind and type once; the label at a curve names the stop struck, then the stop grazed."""
+    model = vi.models.two_sided_oscillator().replace(omega=230.0, left_gap=1.5e-3, right_gap=1.6e-3)
+    right, left = vi.find_orbit(model, n_periods=2, n_impacts=1)[:2]
+    branches = [vi.continue_orbit(orbit, "omega", (200.0, 231.0), step=0.2) for orbit in (left, right)]
+    grazes = [point for branch in branches for point in special_points(branch, "grazing")[:1]]
+    found = curves_through(grazes, ("omega", "right_gap"), ((200.0, 215.0), (1.5e-3, 1.7e-3)), step=0.2)
+    assert [(curve.orbits[0].stops, curve.touched) for curve in found] == [(("left",), "right"), (("right",), "left")]
+    ax = vi.plotting.boundaries(found)
+    assert [text.get_text() for text in ax.texts] == ["p2 i1, left", "p2 i1, right"]
+    vi.save(bundle([curve.dataset for curve in found], "boundary_curves", {}), tmp_path / "curves.nc")
+    again = unbundle(vi.load(tmp_path / "curves.nc"))
+    again[0].attrs["stops"] = "right"  # as if both struck the right stop, each grazing another
+    texts = [text.get_text() for text in vi.plotting.boundaries(again).texts]
+    assert texts == ["p2 i1, touching right", "p2 i1, touching left"]
+    assert [text.get_text() for text in vi.plotting.boundaries(found[0]).texts] == ["p2 i1"]
 
 
 def test_the_graze_at_which_a_symmetric_orbit_of_two_impacts_ends_is_one_of_the_motion_without_impacts():

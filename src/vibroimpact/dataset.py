@@ -243,7 +243,8 @@ def _encodes(value: Any, kind: type) -> bool:
 _LABELS = ("long_name", "units", "symbol", "flag_meanings")
 _BUNDLES = {"boundary_curves": "curve", "continue_orbit": "branch"}  # the name of one result of each function
 _LAID_OUT = ("point", "special")  # dims along which the parts are concatenated
-ENDS = ("outcome", "message", "arguments")  # attributes of each part, kept as lists
+# Attributes of each part, kept as lists; systems alone have the last two.
+ENDS = ("outcome", "message", "arguments", "stops", "touched")
 # Attributes that are read back: text, or the type that their JSON encodes.
 _ENCODED: dict[Any, type] = {
     **dict.fromkeys(("function", "initial_condition", "filled_in", "message"), str),
@@ -276,8 +277,9 @@ def bundle(parts: Sequence[xr.Dataset], function: str, provenance: Mapping[str, 
     for dim in _LAID_OUT:
         if dim in parts[0].dims:
             rows |= _in_a_row(padded, dim, name)
-    ends = {key: json.dumps([str(part.attrs.get(key, "")) for part in parts]) for key in ENDS}
-    attrs = {**provenance, "function": function} | {f"{name}_{key}": text for key, text in ends.items()}
+    ends = {key: [str(part.attrs.get(key, "")) for part in parts] for key in ENDS}
+    attrs = {f"{name}_{key}": json.dumps(texts) for key, texts in ends.items() if any(texts)}
+    attrs = {**provenance, "function": function} | attrs
     return dataset_of(rows | _of_each(parts, f"{name}_id"), attrs=attrs).set_coords(list(parts[0].coords))
 
 
@@ -317,7 +319,7 @@ def unbundle(dataset: xr.Dataset) -> list[xr.Dataset]:
     name = next((name for name in _BUNDLES.values() if f"{name}_id" in dataset.dims), None)
     if name is None:
         return [_in_order(dataset)]
-    ends = {key: json.loads(dataset.attrs[f"{name}_{key}"]) for key in ENDS}
+    ends = {key: json.loads(dataset.attrs[f"{name}_{key}"]) for key in ENDS if f"{name}_{key}" in dataset.attrs}
     parts = []
     for number in range(dataset.sizes[f"{name}_id"]):
         part = dataset.isel({f"{name}_id": number})
@@ -327,7 +329,7 @@ def unbundle(dataset: xr.Dataset) -> list[xr.Dataset]:
         cycle = {key: int(part[key]) for key in ("n_periods", "n_impacts")}
         attrs = {key: value for key, value in dataset.attrs.items() if not key.startswith(f"{name}_")}
         part = part.isel(impact=slice(0, int(part["count"].max()))).drop_vars([f"{name}_id", "count", *cycle])
-        part.attrs = attrs | cycle | {key: values[number] for key, values in ends.items()}
+        part.attrs = attrs | cycle | {key: values[number] for key, values in ends.items() if values[number]}
         parts.append(_in_order(part))
     return parts
 

@@ -138,6 +138,7 @@ def boundary_through(
         orbits=orbits,
         residuals=[place.residual for place in points],
         touch_phases=[place.touch_phase for place in points],
+        touched=points[0].touched,
         outcome=ends,
         message="; ".join([course("curve", orbits, plane.names, ends), *filter(None, (back.why, on.why))]),
         arguments={"ranges": plane.box, "step": longest, "virtual": virtual},

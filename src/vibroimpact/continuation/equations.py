@@ -218,6 +218,11 @@ class Equations(ABC):
         """Return the equations of a branch beyond a graze, a solution and its tangent; None if the branch ends."""
         return None
 
+    @property
+    def touched(self) -> str:
+        """Name of the stop that a graze touches; empty for other conditions, and for one mass with one stop."""
+        return ""
+
     def touch(self, x: Floats) -> float:
         """Return the turns at which the orbit grazes; NaN for other conditions."""
         if self.condition == LAST_IMPACT:

@@ -35,6 +35,7 @@ from vibroimpact.continuation.equations import (
     BRANCH,
     DOUBLING,
     FOLD,
+    GRAZING,
     LAST_IMPACT,
     LEAST,
     NUDGE,
@@ -210,6 +211,14 @@ class Modes(Equations):
         if self.condition == TOUCH:
             return bool(compliant[self.stop])
         return self.condition == LAST_IMPACT and self.cycle.events[self.impact].kind == GRAZE
+
+    @property
+    def touched(self) -> str:
+        """Name of the stop that a graze touches; empty for other conditions."""
+        if self.condition not in GRAZING:
+            return ""
+        stop = self.stop if self.condition == TOUCH else self.cycle.events[self.impact].stop
+        return str(self.model.at().stops[stop].name)
 
     def beyond(self, x: Floats, sign: float) -> tuple[Equations, Floats, Floats] | None:
         """Return the equations beyond a graze of a compliant stop, a solution and its tangent; None if the branch ends.

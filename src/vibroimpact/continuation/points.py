@@ -70,6 +70,11 @@ class Solution:
         """Driving phase of the graze; NaN for other kinds."""
         return self.equations.touch(self.x) % 1.0
 
+    @property
+    def touched(self) -> str:
+        """Name of the stop that a graze of a system touches; empty for other kinds."""
+        return self.equations.touched
+
     @cached_property
     def residual(self) -> float:
         """Residual of the orbit's flights and its defining condition, relative to its size."""

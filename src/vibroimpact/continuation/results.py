@@ -171,6 +171,8 @@ class Boundary(Shown):
         another curve).
     message : str
         The outcome in sentences.
+    touched : str
+        For grazes of systems: name of the stop that is touched; else empty.
     """
 
     kind: str
@@ -181,6 +183,7 @@ class Boundary(Shown):
     outcome: tuple[str, str]
     message: str
     arguments: dict[str, Any] = field(default_factory=dict, repr=False)
+    touched: str = ""
 
     @property
     def values(self) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -210,7 +213,8 @@ class Boundary(Shown):
             "determinant": number("point", [o.determinant for o in orbits], "determinant of the cycle's Jacobian"),
         }
         values = dict(zip(self.parameters, self.values.T, strict=True))
-        return _along(self, content, values, "continue_boundary", {"kind": self.kind, "parameters": self.parameters})
+        data = _along(self, content, values, "continue_boundary", {"kind": self.kind, "parameters": self.parameters})
+        return data.assign_attrs(touched=self.touched) if self.touched else data
 
 
 def _along(

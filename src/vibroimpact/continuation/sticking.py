@@ -42,6 +42,7 @@ class CurvePoint:
     stick: Stick | None
     n_periods: int
     kind: str = KIND
+    touched: str = ""
 
     @cached_property
     def orbit(self) -> Orbit:

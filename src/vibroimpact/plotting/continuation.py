@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -252,9 +253,10 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
     -----
     The colour shows the kind, and the dashes show the driving periods in a cycle: solid for 1, dashed for 2, with one
     more dot for each further period. Curves with enough room are labelled with their type, such as p1 i2 for period-1
-    impact-2. Without `sweep` the first parameter of the curves is on the x axis, unless `ax` is labelled the other way
-    round; axes that already show the plane keep their limits and legend. The points of a curve are joined by straight
-    lines.
+    impact-2. If curves of one kind and type concern different stops, the label names the stops struck and, where these
+    are the same, the stop that is grazed. Without `sweep` the first parameter of the curves is on the x axis, unless
+    `ax` is labelled the other way round; axes that already show the plane keep their limits and legend. The points of a
+    curve are joined by straight lines.
 
     Examples
     --------
@@ -284,7 +286,7 @@ def boundaries(curves: Any, sweep: xr.Dataset | None = None, index: str = "std",
     else:
         labels.label_axes(ax, drawn[0][x], drawn[0][y])
     style.legend_added(ax, [*below, *_entries(drawn, lines)])
-    name_along(ax, zip(lines, map(_type_of, drawn), strict=True))
+    name_along(ax, zip(lines, _labels_of(drawn), strict=True))
     return ax
 
 
@@ -318,6 +320,32 @@ def _type_of(curve: xr.Dataset) -> str:
     if motion_along(curve) == WITHOUT:
         return "no impact"
     return f"p{n} i{p}" if p > 0 else f"p{n} sticking"
+
+
+def _labels_of(drawn: list[xr.Dataset]) -> list[str]:
+    """Return the types of the motions, with their stops where curves of one kind and type differ in these."""
+    names = [_type_of(curve) for curve in drawn]
+    kinds = [kind for curve in drawn for kind in _kinds(curve["kind"])]
+    for stops in (_struck, _touched):
+        texts = [stops(curve) for curve in drawn]
+        looks = list(zip(kinds, names, strict=True))
+        alike = {look: {text for other, text in zip(looks, texts, strict=True) if other == look} for look in looks}
+        names = [
+            f"{name}, {text}" if text and len(alike[kind, name]) > 1 else name
+            for (kind, name), text in zip(looks, texts, strict=True)
+        ]
+    return names
+
+
+def _struck(curve: xr.Dataset) -> str:
+    """Return the stops that the motion strikes, such as 'left' or '2 left + right'; empty for one mass."""
+    counts = Counter(str(curve.attrs.get("stops", "")).split())
+    return " + ".join(f"{n} {stop}" if n > 1 < len(counts) else stop for stop, n in sorted(counts.items()))
+
+
+def _touched(curve: xr.Dataset) -> str:
+    """Return the stop that the motion grazes; empty for other kinds, and for one mass."""
+    return f"touching {stop}" if (stop := curve.attrs.get("touched")) else ""
 
 
 def _check_plane(sweep: Any, plane: list[str]) -> None:
