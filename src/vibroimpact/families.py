@@ -150,7 +150,7 @@ def family(function: Callable[..., Any] | None = None, /, *, units: Mapping[str,
 
     Notes
     -----
-    A store recognises a family by the numbers that it makes, not by its name: a changed function is another study.
+    A store recognises a family by the numbers that it computes, not by its name: a changed function is another study.
 
     Examples
     --------
@@ -194,7 +194,7 @@ def _family(function: Callable[..., Any], units: Mapping[str, str]) -> Family:
 
 
 def load_model(place: Any) -> Model:
-    """Return the model or family NAME of `FILE.py:NAME`, or a ready-made one by its name.
+    """Return the model or family NAME of `FILE.py:NAME`, or a ready-made model by its name.
 
     The file is run. It may import modules from its own folder.
 

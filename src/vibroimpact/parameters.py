@@ -19,12 +19,12 @@ SMALLEST = 1e-60  # the size of a number that is not 0, 1e60 the largest: produc
 
 
 def invalid(name: str, value: Any, allowed: str, hint: str = "") -> ValueError:
-    """Return the error for an argument that is not what is allowed, with a hint what to do."""
+    """Return the error for an argument with a value that is not allowed, with a hint on what to do."""
     return ValueError(f"`{name}` must be {allowed}, got {_short(value)}" + (f"; {hint}" if hint else ""))
 
 
 def unknown(what: str, name: Any, choices: Iterable[str], hint: str = "", meant: str = "") -> ValueError:
-    """Return the error for a name that is none of the choices, with the one that was probably meant, or else a hint."""
+    """Return the error for a name that is not among the choices, with the one probably meant, or else a hint."""
     names = list(choices)
     meant = meant or closest(str(name), names)
     hint = f"did you mean {meant!r}?" if meant else hint
@@ -36,13 +36,13 @@ class MissingExtra(ImportError):
 
 
 def closest(name: str, choices: Iterable[str]) -> str:
-    """Return the choice that was probably meant, whatever its case and whatever joins its words; "" if none is near."""
+    """Return the choice probably meant, ignoring case, hyphens, underscores and spaces; "" if none is similar."""
     plain = {re.sub(r"[-_ ]", "", choice).lower(): choice for choice in choices}
     return next((plain[near] for near in get_close_matches(re.sub(r"[-_ ]", "", name).lower(), plain, 1)), "")
 
 
 def to_install(extra: str) -> str:
-    """Return the command that installs what an extra needs, by the names of the packages: this one is on no index."""
+    """Return the command that installs the packages of an extra by their names, because vibroimpact is on no index."""
     from importlib.metadata import PackageNotFoundError, requires
 
     with suppress(PackageNotFoundError):
@@ -88,7 +88,7 @@ def truth(name: str, value: Any) -> bool:
 
 
 def several(name: str, values: Any, what: str) -> tuple[Any, ...]:
-    """Return values in a list as a tuple, also a single text."""
+    """Return a list of values, or a single text, as a tuple."""
     try:
         return (values,) if isinstance(values, str) else tuple(values)
     except TypeError:
@@ -171,7 +171,7 @@ class Parameter:
     Parameters
     ----------
     name, long_name, unit, symbol : str
-        As they stand in arguments, on axes and in sentences; the unit "1" is none.
+        The name in arguments, the name on axes and in sentences, the unit ("1" for pure numbers) and the symbol.
     low, high : float
         The range; infinite ends are open.
     closed : bool
@@ -179,11 +179,11 @@ class Parameter:
     hint : str
         What to do about a value out of range.
     whole : bool
-        Whether it counts something: only whole numbers are allowed, and nothing varies it continuously.
+        Whether it is a count: only whole numbers are allowed, and it cannot be varied continuously.
     replaces : str, optional
-        The parameter in whose place this one may be given: `frequency` replaces `omega`.
+        The parameter that may be replaced by this one: `frequency` replaces `omega`.
     follows : str, optional
-        The parameter whose value this one has unless it is given: a `left_restitution` follows `restitution`.
+        The parameter whose value is the default of this one: a `left_restitution` follows `restitution`.
 
     Examples
     --------
@@ -216,7 +216,7 @@ class Parameter:
         return f"{number} " * self.whole + words.format(self.low, self.high)
 
     def check(self, value: Any) -> float:
-        """Return the value inside the range, 0 or of a size whose square is a number; an int where it counts."""
+        """Return the value if it is in the range and neither too large nor too small for floats; an int for a count."""
         inside = type(value) is float and self.low < value <= self.high and SMALLEST <= abs(value) <= 1.0 / SMALLEST
         if inside and not self.whole:
             return float(value)  # as nearly all are; families check millions
@@ -233,7 +233,7 @@ LIGHT = 0.05  # of critical damping: a damping that machines have
 
 
 class Scale(NamedTuple):
-    """A size > 0 in the unit of a parameter, and its name; without a name it is the parameter's own."""
+    """A size > 0 in the unit of a parameter, and its name; without a name it is the parameter's own value."""
 
     size: float
     of: str = ""
@@ -264,7 +264,7 @@ PACE = 20e-9  # seconds of a core that a certified step takes
 
 
 def check_steps(name: str, what: str, steps: float, remedy: str, most: int = STEPS) -> None:
-    """Refuse what would take more steps than one waits for; about one an impact, as cycles are not computed twice."""
+    """Refuse requests of too many steps, about one per impact; cycles are not computed twice."""
     if steps > most:
         raise ValueError(
             f"`{name}` {what} some {steps:.2g} steps, {steps * PACE / 3600.0:,.0f} hours of a core, but "
@@ -276,7 +276,7 @@ def check_steps(name: str, what: str, steps: float, remedy: str, most: int = STE
 
 
 def installed() -> int | None:
-    """Return the bytes of memory that this machine has; None where that is unknown."""
+    """Return the memory of this machine in bytes; None if unknown."""
     try:
         return int(os.sysconf("SC_PHYS_PAGES")) * int(os.sysconf("SC_PAGE_SIZE")) or None
     except (AttributeError, ValueError, OSError):  # no such call, no such name, no answer
@@ -284,7 +284,7 @@ def installed() -> int | None:
 
 
 def check_fits(name: str, what: str, needed: int, remedy: str) -> None:
-    """Refuse what needs more bytes than the machine has."""
+    """Refuse requests that need more memory than the machine has."""
     memory = installed()
     if memory is not None and needed > memory:
         raise ValueError(
@@ -293,7 +293,7 @@ def check_fits(name: str, what: str, needed: int, remedy: str) -> None:
 
 
 def in_words(size: int) -> str:
-    """Return a number of bytes in the unit that suits it.
+    """Return a number of bytes in a suitable unit.
 
     Examples
     --------

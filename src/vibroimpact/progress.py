@@ -1,4 +1,4 @@
-"""How far a long computation is: a bar on a terminal, plain lines elsewhere; Ctrl-C keeps what is finished."""
+"""Progress of long computations: a bar on a terminal, plain lines elsewhere; Ctrl-C keeps what is finished."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ Report = Callable[[int, int, Any], Any]
 
 
 class Stop(Event):
-    """Whether a sweep shall stop: because it was set, or because whoever it reports to wants it between two reports.
+    """Whether a sweep must stop: because this was set, or because the receiver of its reports asks between two of them.
 
-    What a sweep reports to may have an attribute `stopped`, true once it wants the sweep to stop.
+    The receiver may have an attribute `stopped`, which is true once the sweep must stop.
     """
 
     def __init__(self, progress: bool | Report) -> None:
@@ -41,7 +41,7 @@ class Stop(Event):
 
 @contextmanager
 def reporter(progress: bool | Report, label: str) -> Iterator[Report]:
-    """Yield the function that a sweep calls after every tile: the user's own, a bar, or nothing."""
+    """Yield the function that a sweep calls after every tile: the user's function, a bar, or one that does nothing."""
     if callable(progress):
         yield progress
     elif not truth("progress", progress):
@@ -83,10 +83,10 @@ SWITCH = 1e-4  # s, after which cells computed in Python give way to the thread 
 class Meter:
     """The callable that a command's computation reports to, within a `with` block.
 
-    `keeps` says whether finished work is kept after an interruption, `patience` how many seconds at most a stopped
-    sweep waits for running cells. `finish` completes what is being written to a store before the process ends at once;
-    `opening` prints what comes before the first report, or at the end of a sweep that reported nothing. `clock` gives
-    the time, without that which compiling takes unless it is another one.
+    `keeps`: whether finished work is kept after an interruption. `patience`: the longest time in s that a stopped sweep
+    waits for running cells. `finish` completes the writing to a store before the process ends at once. `opening` prints
+    the text before the first report, or at the end of a sweep that reported nothing. `clock` gives the time; the
+    default does not count compilation.
     """
 
     def __init__(
@@ -173,9 +173,9 @@ class Meter:
 
 
 class Pulse:
-    """A passing line on a terminal that says what one waits for, while nothing else is written there.
+    """A temporary line on a terminal that shows what the program is waiting for, until something else is written.
 
-    Within a `with` block; it goes before anything else is written to either stream.
+    It is used in a `with` block, and removed before anything else is written to either stream.
     """
 
     latest: Pulse | None = None
@@ -198,7 +198,7 @@ class Pulse:
         sys.stdout, sys.stderr = self._streams
 
     def make_way(self, text: str = "") -> None:
-        """Take the line away, as a text is written."""
+        """Remove the line, because a text is being written."""
         with self._lock:
             self._write("")
             self._silent, self.waits_for = perf_counter(), "computing" if text.endswith(("\n", "\r")) else ""
@@ -219,7 +219,7 @@ class Pulse:
 
 
 def wait_for_others() -> None:
-    """Show no passing line until something is written: it is not this process that is waited for."""
+    """Show no temporary line until something is written: another process is being waited for."""
     if Pulse.latest is not None:
         Pulse.latest.waits_for = ""
 
@@ -240,7 +240,7 @@ class _Watched:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Let Ctrl-C end the process at once while it compiles: Python would wait for the compiler, for seconds."""
+    """Make Ctrl-C end the process at once while it compiles: Python would wait for the compiler, for seconds."""
     reads, writes = os.pipe()
     if os.name != "nt":  # there any pipe will do, and older Pythons cannot change one
         os.set_blocking(writes, False)
@@ -276,12 +276,12 @@ def duration(seconds: float) -> str:
 
 
 def remaining(done: int, total: int | None, seconds: float) -> str:
-    """Return the time that the rest of some work takes, at the pace so far; empty where that is not known."""
+    """Return the estimated remaining time, at the rate so far; empty if unknown."""
     return f"{duration(seconds * (total - done) / done)} left" if done and total and done < total else ""
 
 
 def speed(impacts: int, seconds: float) -> str:
-    """Return the rate of impacts as text; empty where none were counted."""
+    """Return the rate of impacts as text; empty if none were counted."""
     if impacts <= 0 or seconds <= 0.0:
         return ""
     rate = impacts / seconds

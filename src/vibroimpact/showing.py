@@ -1,4 +1,4 @@
-"""How results are shown: a `repr` of some lines, and small tables in a notebook."""
+"""The display of results: a `repr` of a few lines, and small tables in notebooks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BRIEF.maxdict, BRIEF.maxother, BRIEF.maxstring = 20, 400, 200
 
 
 class Table(NamedTuple):
-    """A table in a notebook: a title, the heads of its columns with their units, its rows, and notes under it."""
+    """A table in a notebook: a title, column headings with units, rows, and notes below."""
 
     title: str
     head: Sequence[str] = ()
@@ -29,7 +29,7 @@ class Table(NamedTuple):
 
 
 class Shown:
-    """A result that is shown briefly: long sequences are cut in its `repr`, and a notebook shows its table."""
+    """A result with a short display: its `repr` abbreviates long sequences, and notebooks show its table."""
 
     def __repr__(self) -> str:
         parts: Iterable[Any] = fields(self)  # type: ignore[arg-type]
@@ -44,7 +44,7 @@ class Shown:
 
 
 def written(table: Table) -> str:
-    """Return a table as HTML, its first `MOST` rows; numbers have four digits, text of several lines its lines."""
+    """Return the first `MOST` rows of a table as HTML; numbers have four digits, and line breaks in text are kept."""
     return "\n".join(_lines(table))
 
 
@@ -87,7 +87,7 @@ def _cell(value: Any) -> str:
 
 
 def aligned(rows: Iterable[Sequence[str]], widest: int = 1000) -> Iterator[str]:
-    r"""Yield rows of text with their columns aligned; a cell takes several lines where it is wider than `widest`.
+    r"""Yield rows of text with aligned columns; a cell wider than `widest` takes several lines.
 
     Examples
     --------
@@ -106,7 +106,7 @@ def aligned(rows: Iterable[Sequence[str]], widest: int = 1000) -> Iterator[str]:
 
 
 def wrapped(text: str, width: int, first: str = "", later: str = "") -> Iterator[str]:
-    """Yield the lines of a text, broken where it is too long but not between a number and its unit, nor in N s/m."""
+    """Yield the lines of a wrapped text; a number stays with its unit, and a unit such as N s/m is not split."""
     tied = re.sub(r"(?<=\d) (?=%|[a-zA-Z/]+\b)|(?<=\bN) (?=s\b)", _TIED, text)
     for line in textwrap.wrap(tied, width, initial_indent=first, subsequent_indent=later):
         yield line.replace(_TIED, " ")

@@ -1,7 +1,7 @@
-"""Compilation of all kernels in advance, for an image, a cluster, or a first command without a wait.
+"""Compilation of all kernels in advance, for a container image, a cluster, or a first command without a wait.
 
-Processes compile in parallel: first the kernels for computing, then all others that this machine may need; they share
-the cache.
+Processes compile in parallel and share the cache: first the kernels of computations, then all others that this machine
+may need.
 """
 
 from __future__ import annotations

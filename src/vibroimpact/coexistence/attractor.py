@@ -33,28 +33,29 @@ class Attractor(Shown):
         "periodic", "sticking", "chaotic" (watched for 1e5 impacts, see `attractors`), "no_impact" (the mass settles
         clear of the stop), "stuck_forever" (the force never lifts it off the stop) or "at_rest" (nothing drives it).
     n_periods, n_impacts, velocities, phases
-        As of `Motion`; `n_periods` is 0 also in intermittent sticking: double precision does not resolve when the mass
-        rests again, and for 1e5 impacts it always did.
+        As in `Motion`; `n_periods` is also 0 for intermittent sticking: the mass rests again and again over 1e5
+        impacts, at times that double precision does not resolve.
     std, mean_velocity, max_velocity : float
-        Of the impact velocities, in m/s, over exactly one cycle, or over a long sample of chaos.
+        Statistics of the impact velocities, in m/s, over exactly one cycle or, for chaos, over a long sample.
     lyapunov : float
         Largest Lyapunov exponent in 1/s; -inf for an orbit that sticks.
     dissipation : float
         Energy lost at the stop per driving period, in J.
     status : Status
-        How the initial condition that represents the others ended.
+        How the motion ended that represents the others.
     share : float
         Share of the initial conditions that lead here; the total includes undecided ones.
     start : State
-        A state on the attractor: at its hardest hit, at its release from the stop, or where it rests.
+        A state on the attractor: at its hardest impact, at its release from the stop, or at rest.
     transient_impacts : int
-        The most impacts that one of the initial conditions took until it was certain to lead here.
+        The largest number of impacts, over the initial conditions, before it was certain that they lead here.
     transient_velocity : float
-        The hardest hit in m/s seen of those that had not repeated within 500 impacts, before they did; 0 without any.
+        The hardest impact in m/s, before the motion repeats, from initial conditions that do not repeat within 500
+        impacts; 0 if there are none.
     stops : tuple of str
         For systems: the stop of each impact of the cycle.
     orbit : SystemOrbit or None
-        For systems: the cycle solved exactly, with multipliers, where it does not rest at a stop.
+        For systems: the exact solution for the cycle, with multipliers, unless it rests at a stop.
 
     Notes
     -----
@@ -109,7 +110,7 @@ class Attractor(Shown):
 
 
 def distinct_names(attractors: Sequence[Attractor]) -> list[str]:
-    """Return the attractors' names, followed by a letter where several share one."""
+    """Return the attractors' names, followed by a letter if several have the same name."""
     names = [attractor.name for attractor in attractors]
     return [
         f"{name} {_letters(names[:at].count(name))}" if names.count(name) > 1 else name for at, name in enumerate(names)
@@ -123,7 +124,7 @@ def _letters(number: int) -> str:
 
 
 def attractor_of(settled: Settled, at: int, motion: SettledMotion) -> Attractor:
-    """Return the attractor that initial condition `at` leads to, from its settled motion."""
+    """Return the attractor that initial condition number `at` leads to, from its settled motion."""
     one, speeds, n = settled[at], motion.velocities, motion.n_periods
     names = () if settled.osc.forgets else tuple(settled.osc.stop_names[stop] for stop in motion.stops)
     return Attractor(
@@ -156,9 +157,9 @@ def quiet_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
 
 
 def resting(runner: Runner, settled: Settled, at: int) -> State:
-    """Return the state in which an initial condition that ends without impacts comes to stay.
+    """Return the final state of a motion that ends without impacts.
 
-    In permanent contact the other coordinates may still move: that is followed until it is steady.
+    In permanent contact the other coordinates may still move; they are followed until their motion is steady.
     """
     twice = 2 * int(settled.indices["impacts"][at]) + 1  # as long as it took to know: weak impacts may last for ever
     system, samples = settled.osc, sampled(runner, settled, at, ImpactWindow(0, twice))
@@ -169,7 +170,7 @@ def resting(runner: Runner, settled: Settled, at: int) -> State:
 
 
 def steady_state(system: ImpactSystem) -> State:
-    """Return the state at time 0 of the steady motion without stops, where every mode decays."""
+    """Return the state at time 0 of the steady motion without stops; every mode must decay."""
     form = system.modal()
     elastic = np.where(form.squares > 0.0, form.squares, np.inf)
     eta, rate = form.constant / elastic, np.zeros(len(elastic))

@@ -1,12 +1,12 @@
-"""The final motion of one initial condition: a motion that does not repeat is watched over 1e5 impacts.
+"""The final motion from one initial condition: a motion that does not repeat is followed for 1e5 impacts.
 
-What looks chaotic over the 5000 impacts of a map may be a transient, and what has not closed a cycle by then may be on
-its way to one: both are run on.
+A motion that is chaotic over the 5000 impacts of a map may be a transient, and a motion without a cycle by then may
+still settle to one: both are continued.
 
-A mass that rests at the stop forgets what was before, but where neighbours part by more than 1e13 until it rests again
-(`motion.UNRESOLVED`), the cycle from release to release is an accident of rounding. What such a mass does in the end is
-found from releases that are moved by up to 1e-11 V: those that rest again are released again, and most of the others
-decide. Only where all rest again, turn after turn, for 1e5 impacts, is it intermittent sticking.
+A rest at the stop erases the memory of one mass. But if perturbations grow by more than 1e13 before the next rest
+(`motion.UNRESOLVED`), rounding determines the cycle from release to release. The final motion is then found from
+releases perturbed by up to 1e-11 V: motions that rest again are released again, and the motion to which most of the
+others lead is taken. It is intermittent sticking only if all of them rest again, time after time, for 1e5 impacts.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ THRIFT = 100  # certified steps per impact: rare hits are not worth a long wait
 
 @dataclass(frozen=True)
 class Final:
-    """What an initial condition settles to, as far as it was watched.
+    """The final motion from an initial condition, as far as it was followed.
 
     Parameters
     ----------
     measured : Measured
-        The final motion with every index: of a cycle those of the cycle alone.
+        The final motion with every index; for a cycle, the indices are those of the cycle alone.
     samples : Samples
-        Those that the wanted window takes of it.
+        The samples of it in the requested window.
     watched : int
-        Impacts after which it was certain, or over which it was watched in vain for an end of its irregularity.
+        Impacts after which the motion was certain, or over which it was followed without becoming regular.
     before : Measured or None
-        The transient as the first 5100 impacts name it, where that is another name.
+        The motion named by the first 5100 impacts, if that is another one.
     ends : dict
-        Of an irregular rest how many moved releases lead to the motion of each name.
+        For rests determined by rounding: how many perturbed releases lead to the motion of each name.
     """
 
     measured: Measured
@@ -60,9 +60,9 @@ class Final:
 
 
 def final_motion(runner: Runner, cell: Cells, sample_window: ImpactWindow) -> Final:
-    """Follow one cell to its final motion, for up to 1e5 impacts where it does not repeat before.
+    """Follow one cell to its final motion, for up to 1e5 impacts if it does not repeat before.
 
-    What is certain within the paper's 5100 impacts is computed once.
+    A motion that is certain within the paper's 5100 impacts is computed only once.
     """
     first, samples = runner.record(cell, sample_window)
     if first.motion_class.hits and first.n_periods and first.impacts > sample_window.transient:  # sampled too early
@@ -79,7 +79,7 @@ def final_motion(runner: Runner, cell: Cells, sample_window: ImpactWindow) -> Fi
 
 
 def irregular(measured: Measured) -> bool:
-    """Return whether a motion has no period that was found, although it hits, and was followed to the end."""
+    """Return whether a motion with impacts was followed to the end without a period being found."""
     open_ended = (MotionClass.CHAOTIC, MotionClass.UNDECIDED)
     return measured.motion_class in open_ended or (
         measured.motion_class == MotionClass.STICKING and not measured.n_periods
@@ -97,7 +97,7 @@ def release_phase(design: Mapping[str, float]) -> float:
 
 
 def released(cell: Cells, number: int = 0) -> Cells:
-    """Return so many releases of the mass, moved by up to 1e-11 V; others for each `number`."""
+    """Return `RELEASES` releases of the mass, perturbed by up to 1e-11 V, differently for each `number`."""
     (design,) = cell
     preload = abs(design["stiffness"] * design["gap"])
     scale = max(design["amplitude"], preload) / math.sqrt(design["stiffness"] * design["mass"])
@@ -108,11 +108,11 @@ def released(cell: Cells, number: int = 0) -> Cells:
 
 @dataclass(frozen=True)
 class Fate:
-    """What becomes of a mass whose next rest is an accident of rounding.
+    """The final motion of a mass whose next rest is determined by rounding.
 
-    `cell` is the moved release and `end` the motion that it leads to, `ends` how many releases led to each name, and
-    `watched` the impacts of all turns. Until a release leads elsewhere than to a rest, it takes `lasts` impacts on
-    average, of up to `passing` m/s.
+    `cell` is the perturbed release and `end` the motion that it leads to, `ends` the number of releases that led to
+    each name, and `watched` the total number of impacts. On average it takes `lasts` impacts, of up to `passing` m/s,
+    until a release leads to something other than a rest.
     """
 
     cell: Cells
@@ -124,9 +124,9 @@ class Fate:
 
 
 def fate_of_release(runner: Runner, cell: Cells) -> Fate:
-    """Return the fate of most moved releases that do not lead to the next rest, or that all lead to it.
+    """Return the final motion of most perturbed releases that do not lead to the next rest, or that rest if all do.
 
-    As each turn between rests is one more throw of the same dice, turns from many releases are as good as one motion.
+    Each interval between rests is an independent trial, so many releases give the same statistics as one long motion.
     """
     design = released(cell).table.tobytes()
     if design not in runner.fates:
@@ -136,7 +136,7 @@ def fate_of_release(runner: Runner, cell: Cells) -> Fate:
 
 
 def _fate(runner: Runner, cell: Cells) -> Fate:
-    """Follow moved releases until some lead elsewhere than to the next rest, or all were watched for long enough."""
+    """Follow perturbed releases until some do not lead to the next rest, or all were followed for long enough."""
     names: Counter[str] = Counter()
     impacts, tried, passing = 0, 0, 0.0
     while True:
@@ -161,12 +161,12 @@ def _fate(runner: Runner, cell: Cells) -> Fate:
 
 
 def thrifty(runner: Runner) -> Tolerances:
-    """Return the tolerances with which a motion is watched."""
+    """Return the tolerances with which a motion is followed for long."""
     return replace(runner.tolerances, steps_per_impact=min(runner.tolerances.steps_per_impact, THRIFT))
 
 
 def _watched(runner: Runner, cell: Cells, sample_window: ImpactWindow) -> Final:
-    """Return the motion of a cell over 1e5 impacts, and a cycle that it is on by then, with that cycle's indices."""
+    """Return the motion of a cell over 1e5 impacts; if it is on a cycle by then, with that cycle's indices."""
     last = ImpactWindow(WATCHED - sample_window.keep, sample_window.keep)
     measured, samples = runner.record(cell, last, LATE, thrifty(runner))
     watched, end = measured.impacts, last_of(samples)
@@ -176,7 +176,7 @@ def _watched(runner: Runner, cell: Cells, sample_window: ImpactWindow) -> Final:
 
 
 def _released(runner: Runner, cell: Cells, sample_window: ImpactWindow, resting: Final) -> Final:
-    """Return the attractor of a motion whose next rest is an accident of rounding."""
+    """Return the attractor of a motion whose next rest is determined by rounding."""
     fate = fate_of_release(runner, cell)
     if irregular(fate.end) and rests(fate.end):
         measured = resting.measured if resting.measured.name == fate.end.name else fate.end

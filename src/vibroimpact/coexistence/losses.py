@@ -1,4 +1,4 @@
-"""What a model loses energy to: whether impacts die out, or last without loss and attract nothing."""
+"""How a model loses energy: whether impacts die out, or last without loss, so that nothing is attracted."""
 
 from __future__ import annotations
 
@@ -17,22 +17,23 @@ Design = ImpactOscillator | ImpactSystem  # a model at some values of its parame
 
 
 def driven(form: ModalForm) -> bool:
-    """Return whether a force or a stop that moves does work on a system, beside its free centre."""
+    """Return whether a force or a moving stop does work on a system, apart from its free centre."""
     return bool(form.forces[:, ~form.neutral[1]].any() or form.motions.any())
 
 
 def attracts(osc: Design) -> bool:
-    """Return whether impacts or damping shrink areas, without which nothing is attracted."""
+    """Return whether impacts or damping shrink areas; otherwise nothing is attracted."""
     return not (osc.stops and lasting_stops(osc).all())
 
 
 def lasting_stops(osc: Design) -> NDArray[np.bool_]:
-    r"""Return which stops can be struck for ever without any loss.
+    r"""Return which stops can be struck permanently without any loss.
 
-    They take no energy, and neither does the damping, S = (D + D^T)/2 in mass-normalised modes, of what impulses on
-    them start. With W the least space that holds the columns of S and is closed under Omega^2 and D^T, impulses of
-    sizes c, one or several at once, change velocities by B c and start a motion without loss if W^T B c = 0, B c not 0.
-    Where something drives a system, impacts on several stops do not stay together, and those on one count.
+    They take no energy, and the damping, S = (D + D^T)/2 in mass-normalised modes, takes none from the motion that
+    impulses on them excite. Let W be a basis of the smallest space that contains the columns of S and is closed under
+    Omega^2 and D^T. Impulses of sizes c, one or several at once, change velocities by B c and excite a motion without
+    loss if W^T B c = 0 with B c not 0. In a driven system, impacts on several stops do not stay simultaneous, so only
+    impacts on one stop count.
     """
     lossless = np.array([stop.element.lossless for stop in osc.stops], bool)
     if not lossless.any():
@@ -54,7 +55,7 @@ def lasting_stops(osc: Design) -> NDArray[np.bool_]:
 
 
 def _rows(matrix: Floats, kept: bool) -> Floats:
-    """Return orthonormal rows that span those of a matrix, or all that is normal to them."""
+    """Return orthonormal rows that span the rows of a matrix, or the space normal to them."""
     _, sizes, rows = np.linalg.svd(matrix)
     rank = int((sizes > APART).sum())
     span: Floats = rows[:rank] if kept else rows[rank:]
@@ -62,7 +63,7 @@ def _rows(matrix: Floats, kept: bool) -> Floats:
 
 
 def rest_is_contact(form: ModalForm) -> bool:
-    """Return whether stops are in the way of where constant loads hold a system, or push it on for ever."""
+    """Return whether stops are in the way of the static equilibrium, or constant loads push a system on permanently."""
     elastic = form.squares > 0.0
     still = np.divide(form.constant, form.squares, where=elastic, out=np.zeros(len(elastic)))
     pushed = form.constant[~elastic & ~form.neutral[1]]

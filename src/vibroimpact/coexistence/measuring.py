@@ -1,4 +1,4 @@
-"""Initial conditions as cells, and how the motions that follow from them are computed and measured."""
+"""Initial conditions as cells, and the computation and measurement of the motions from them."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ IDENTIFYING = (  # indices that name a motion and, with what `Cells.parting` add
 
 
 class Start(NamedTuple):
-    """Where a motion is followed from, as cells hold it: clearance to the stop in m, velocity in m/s, driving phase.
+    """The initial condition of a motion, as cells hold it: clearance to the stop in m, velocity in m/s, driving phase.
 
-    Unlike a `State` it carries a motion on bit by bit.
+    Unlike a `State` it continues a motion bit for bit.
     """
 
     clearance: float
@@ -55,7 +55,7 @@ class Start(NamedTuple):
     phase: float
 
     def cell(self, design: Model) -> Cells:
-        """Return the cell of a design that starts so."""
+        """Return the cell of a design with this initial condition."""
         cells: Cells = design.at().cells({})
         return cells.replace(**self._asdict())
 
@@ -64,34 +64,34 @@ AT_REST = Start(0.0, 0.0, CREST)  # at the stop while the force presses most, wa
 
 
 def cells_of(designs: Sequence[Model], starts: Sequence[Start | None] | None = None) -> Cells:
-    """Return one cell per design, of one at least; a start of None is at rest at min(0, gap)."""
+    """Return one cell per design, at least one; None as initial condition means at rest at min(0, gap)."""
     pairs = zip(designs, starts or [None] * len(designs), strict=True)
     return Cells.join([design.at().cells({}) if start is None else start.cell(design) for design, start in pairs])
 
 
 def identifying(cells: Cells) -> tuple[str, ...]:
-    """Return the indices that name the motion of each cell and part attractors."""
+    """Return the indices that name the motion of each cell and distinguish attractors."""
     return *IDENTIFYING, *cells.parting
 
 
 def spread_cells(cell: Cells, number: int = SPREAD) -> Cells:
-    """Return impacts of a cell's design spread evenly over the impact surface, always the same (`Cells.struck`)."""
+    """Return impacts of a cell's design spread evenly over the impact surface, the same every time (`Cells.struck`)."""
     return cell.copies(number).struck(np.arange(number))
 
 
 def orbit_cells(osc: Model) -> list[Cells]:
-    """Return an impact of each stable orbit of one impact in up to 16 periods: all are known exactly."""
+    """Return an impact of each stable orbit of one impact in up to 16 periods; these are known in closed form."""
     return [carried(osc, orbit.start) for n in range(1, ONE_IMPACT_PERIODS + 1) for orbit in stable_orbits(osc, n)]
 
 
 def carried(osc: Any, start: State) -> Cells:
-    """Return the cell of a design that starts so, before a stop where rounding puts it beyond that."""
+    """Return the cell of a design with that initial condition, moved in front of a stop if rounding puts it beyond."""
     cell: Cells = osc.cells({})
     return cell.carried(start.displacement, start.velocity, start.time * osc.omega / (2.0 * math.pi) % 1.0)
 
 
 def state_cells(osc: Any, starts: Iterable[State]) -> Cells:
-    """Return one cell per state, or raise `ValueError` naming what is wrong with `starts`."""
+    """Return one cell per state, or raise `ValueError` saying what is wrong with `starts`."""
     allowed = "a list of at least one State in front of the stop"
     if isinstance(starts, State):
         raise invalid("starts", starts, allowed, f"write starts=[{starts}]")
@@ -112,14 +112,14 @@ def state_cells(osc: Any, starts: Iterable[State]) -> Cells:
 
 @dataclass(frozen=True)
 class Measured(Motion):
-    """A motion as its indices name it, these, and how many impacts were computed until it was decided."""
+    """A motion as its indices name it, the indices, and the number of impacts computed until it was decided."""
 
     indices: dict[str, float] = field(default_factory=dict, compare=False)
     impacts: int = field(default=0, compare=False)
 
     @cached_property
     def group(self) -> tuple[str, int, int]:
-        """What distinguishes classes of motion along a path; all that do not repeat, or hardly ever, are one."""
+        """What distinguishes classes of motion along a path; all that do not repeat, or hardly ever, are one class."""
         rare = self.n_periods > HARDLY_EVER or (self.motion_class == MotionClass.STICKING and not self.n_periods)
         if rare or self.motion_class in (MotionClass.CHAOTIC, MotionClass.UNDECIDED):
             return "aperiodic", 0, 0
@@ -127,24 +127,24 @@ class Measured(Motion):
 
     @cached_property
     def hardest(self) -> float:
-        """The largest impact velocity in m/s; 0 where the mass does not hit, NaN where it is not known."""
+        """The largest impact velocity in m/s; 0 without impacts, NaN if unknown."""
         return 0.0 if self.motion_class in QUIET else self.indices["max_velocity"]
 
     @property
     def loss(self) -> float:
-        """Energy lost at the stop per driving period, in J; NaN where it is not known."""
+        """Energy lost at the stop per driving period, in J; NaN if unknown."""
         return 0.0 if self.motion_class in QUIET else self.indices["dissipation"]
 
 
 class SpentError(Exception):
-    """A runner has made as many certified steps as it may."""
+    """A runner has taken the largest number of certified steps allowed."""
 
 
 class Runner:
-    """How motions are computed: back end, tolerances and threads, and the event that stops them.
+    """The means of computing motions: back end, tolerances, threads, and the event that stops them.
 
-    `measured` counts the motions that were measured, `steps` those of all; past `most` no more motions are begun.
-    `fates` holds what becomes of a released mass, by design.
+    `measured` counts the motions measured, `steps` the certified steps of all motions; beyond `most` steps no more
+    motions are begun. `fates` holds the final motion of a released mass, by design.
     """
 
     def __init__(self, backend: str = "cpu", tolerances: Tolerances | None = None, workers: int | None = None) -> None:
@@ -166,10 +166,10 @@ class Runner:
         return self.sweep(cells, Measurement(window, tolerances or self.tolerances, indices=names))
 
     def sweep(self, cells: Cells, wanted: Measurement) -> Iterator[tuple[Counts | slice, Outcome]]:
-        """Yield which cells have ended, and what was wanted of them, and count their steps.
+        """Yield which cells have ended, and their results, and count their steps.
 
-        Where no flight of any of them seems short enough for its budget, some are tried first, spread over all: if none
-        of these comes to an end, neither do the others.
+        If no flight of any of them seems short enough for its budget, some cells, spread over all, are tried first; if
+        none of these ends, the others do not either.
         """
         number, dearest = len(cells), float(expected_steps(cells, wanted.impacts).max(initial=1.0))
         doubtful = number > PROBES and outlast(cells, wanted)
@@ -199,7 +199,7 @@ class Runner:
         tolerances: Tolerances | None = None,
         names: tuple[str, ...] = IDENTIFYING,
     ) -> list[Measured]:
-        """Return the motion of each cell, its kind by the rule of `classify`, with indices that name it at least."""
+        """Return the motion of each cell, its kind by the rule of `classify`, and at least the indices that name it."""
         self.measured += len(cells)
         table = {name: np.full(len(cells), np.nan) for name in (*names, "status")}
         table["impacts"] = np.zeros(len(cells))
@@ -215,7 +215,7 @@ class Runner:
         window: ImpactWindow = PAPER,
         tolerances: Tolerances | None = None,
     ) -> tuple[Measured, Samples]:
-        """Return the motion of one cell as `measure` does, and the samples of another window, from one run."""
+        """Return the motion of one cell as `measure` does, and the samples in another window, from one run."""
         self.measured += 1
         limits = tolerances or self.tolerances
         wanted = Measurement(window, limits, indices=tuple(INDICES))
@@ -224,7 +224,7 @@ class Runner:
         return _measured(outcome, window, tuple(INDICES))[0], samples
 
     def samples(self, cells: Cells, window: ImpactWindow | StroboscopicWindow) -> list[Samples]:
-        """Return the samples that the window takes of each cell."""
+        """Return the samples of each cell in the window."""
         if self.steps >= self.most:
             raise SpentError
         usual = Tolerances()
@@ -238,12 +238,12 @@ class Runner:
         return samples
 
     def follow(self, cells: Cells, impacts: int = 300) -> list[Start | None]:
-        """Return the state of each motion after so many impacts, or None where it could not be followed."""
+        """Return the state of each motion after so many impacts, or None if it could not be followed."""
         return [last_of(sample) for sample in self.samples(cells, ImpactWindow(impacts, 1))]
 
 
 def last_of(samples: Samples) -> Start | None:
-    """Return the state in which a recorded motion ended, or None where it could not be followed."""
+    """Return the state in which a recorded motion ended, or None if it could not be followed."""
     last = Start(max(samples.last_clearance, 0.0), samples.last_velocity, samples.last_phase)
     return last if samples.status != Status.BUDGET and all(map(math.isfinite, last)) else None
 
@@ -257,6 +257,6 @@ def _measured(table: Outcome, window: ImpactWindow, names: Sequence[str], *, win
 
 
 def named(kind: int, status: float, indices: dict[str, float], impacts: float) -> Measured:
-    """Return a motion of a kind, from its indices and how many impacts were computed."""
+    """Return a motion of a kind, from its indices and the number of impacts computed."""
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
     return Measured(MotionClass(kind).word, n, p, status=Status(int(status)), indices=indices, impacts=int(impacts))

@@ -1,4 +1,4 @@
-"""Planes of initial conditions: which coordinates of the start two axes vary, and what holds the others."""
+"""Planes of initial conditions: the two coordinates that the axes vary, and the values of the others."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ _SIZES = {"displacement": "y", "velocity": "y'"}
 class Plane:
     """Two axes of initial conditions of a model: of impacts (`struck`) on a stop, or of states.
 
-    `start` holds the coordinates that have no axis, `phase` the phase of those that have none of their own; `stop` is
-    the number of the stop that is struck.
+    `start` holds the coordinates without an axis, `phase` the phase if no axis varies it; `stop` is the number of the
+    stop that is struck.
     """
 
     model: Any  # a `Design`
@@ -37,7 +37,7 @@ class Plane:
     stop: int = 0
 
     def cells(self) -> Any:
-        """Return one cell per point of the plane, the last axis fastest; refuse what lies beyond a stop."""
+        """Return one cell per point of the plane, the last axis fastest; refuse points beyond a stop."""
         columns = {
             name: np.ravel(values)
             for name, values in zip(self.axes, np.meshgrid(*self.axes.values(), indexing="ij"), strict=True)
@@ -76,7 +76,7 @@ class Plane:
         return points
 
     def arguments(self) -> dict[str, Any]:
-        """Return the arguments of a plane beside its axes."""
+        """Return the arguments of a plane other than its axes."""
         arguments: dict[str, Any] = {}
         if self.struck and len(self.model.stops) > 1:
             arguments["stop"] = self.model.stop_names[self.stop]
@@ -87,7 +87,7 @@ class Plane:
         return arguments
 
     def note(self) -> dict[str, str]:
-        """Return the words of a title on the plane beside its axes."""
+        """Return the part of a title that describes the plane, apart from its axes."""
         parts = [f"impacts on {self.model.stop_names[self.stop]}"] if self.struck and len(self.model.stops) > 1 else []
         if self.start is not None and self.model.coordinates > 1:
             parts.append(f"others of q = {_listed(self.start.displacement)} m, q' = {_listed(self.start.velocity)} m/s")

@@ -50,37 +50,37 @@ def attractors(
 ) -> list[Attractor]:
     r"""Return the attractors that initial conditions lead to: the motions that coexist.
 
-    Two cycles are one attractor if, from some impact of either on, their impacts agree to :math:`10^{-6}` as points
-    :math:`(\sin 2\pi\psi_i, \cos 2\pi\psi_i, I_i/\max I)`, for systems on the same stops.
+    Two cycles are the same attractor if, up to a cyclic shift, their impacts agree to :math:`10^{-6}` as points
+    :math:`(\sin 2\pi\psi_i, \cos 2\pi\psi_i, I_i/\max I)` and, for systems, strike the same stops.
 
     Parameters
     ----------
     osc : ImpactOscillator, ImpactSystem or family
         The model.
     starts : list of State, optional
-        The initial conditions. None: 256 impacts, the same at every call, spread evenly over phases 0 to 1 and
-        velocities 0 to 4 V, V = max(f, k |g|)/sqrt(k m). For systems, they strike the stops in turn, V is the
-        `velocity_scale`, and where there are several coordinates, their velocities are spread besides.
+        The initial conditions. None means 256 impacts, the same in every call, spread evenly over phases 0 to 1 and
+        velocities 0 to 4 V, V = max(f, k |g|)/sqrt(k m). For systems, they strike the stops in turn, and V is the
+        `velocity_scale`; with several coordinates, the velocities of the coordinates are spread as well.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
-        Impacts left out, then kept, in the first of three rounds; initial conditions that are not decided by then go
-        on to a second and a third one, four and sixteen times as long, and then to 1e5 impacts. For systems, 2^k - 1
-        are left out and 2^k kept, with the smallest k that leaves out as many and keeps a quarter (127 and 128 unless
-        given), and the last round is one of 32,767 impacts.
+        Impacts to skip, then to keep, in the first of three rounds. Initial conditions that are not decided by then are
+        followed in a second and a third round, four and sixteen times as long, and then for 1e5 impacts. For systems,
+        2^k - 1 impacts are skipped and 2^k kept, with the smallest k that skips at least as many as given and keeps at
+        least a quarter (127 and 128 by default); the last round has 32,767 impacts.
     backend : str
-        Name of the back end: one that gives n and p of cycles.
+        Name of the back end; it must compute `n_periods` and `n_impacts`.
     tolerances : Tolerances, optional
         Numerical tolerances.
     workers : int, optional
-        Threads; None is one per core. The result does not depend on it.
+        Threads; None means one per core. The result does not depend on it.
     progress : bool or callable
         True shows a bar; a callable gets (initial conditions decided, their total number, their `status` so far) and
-        stops by returning False: what those decided by then lead to is returned.
+        stops the search by returning False: the attractors found by then are returned.
 
     Returns
     -------
     list of Attractor
-        The one with the largest share of initial conditions first. Shares sum to 1 if every one was decided; the list
-        is empty if none was.
+        In the order of their shares of the initial conditions, the largest first. Shares sum to 1 if every initial
+        condition was decided; the list is empty if none was.
 
     Raises
     ------
@@ -89,35 +89,36 @@ def attractors(
 
     Notes
     -----
-    An initial condition is decided once its cycle is certain (stable, and within 1e-10 V), once it is certain never to
-    hit again, or if it is chaotic by the rule of `classify`: in the sample of the last round, and then over 1e5 impacts
-    from 32 of the chaotic ones, some of each group. Where one of these ends elsewhere, and where initial conditions are
-    still undecided, all of them are followed for up to 1e5 impacts and sorted by where they go; but where more than 9
-    in 10 rest in between, all that is chaotic is intermittent sticking. Slow back ends, which take seconds per motion,
-    end with the last round.
+    An initial condition is decided if its cycle is certain (stable, and within 1e-10 V), if it certainly never hits
+    again, or if it is chaotic by the rule of `classify` in the sample of the last round and 32 of the chaotic motions,
+    some of each group, stay chaotic for 1e5 impacts. If one of these 32 does not, all chaotic motions are followed for
+    up to 1e5 impacts and sorted by their ends, as are undecided ones. If more than 9 in 10 of them rest in between, all
+    chaotic motions count as intermittent sticking. With slow back ends, which take seconds per motion, the search ends
+    after the last round.
 
-    All motions that stick are one attractor, as every release is the same state. Where neighbours part by more than
-    1e13 from one rest to the next, rounding would decide what follows: 32 releases, moved by up to 1e-11 V, are
-    followed instead, and where most of those go that do not rest again is where such motions lead. If all rest again,
-    turn after turn, for 1e5 impacts, it is intermittent sticking.
+    All motions that stick are one attractor, because every release is the same state. If perturbations grow by more
+    than 1e13 from one rest to the next, rounding would decide what follows. Instead, 32 releases, perturbed by up to
+    1e-11 V, are followed, and the motion to which most of those lead that do not rest again is the attractor. If all of
+    them rest again, time after time, for 1e5 impacts, it is intermittent sticking.
 
-    Two chaotic motions are one if the second visits the boxes, of a 64 x 64 grid on the impact surface, that a long
-    sample of the first visits, more than half as often as the first returns to its own. With r = 1 and c = 0 areas are
-    kept and nothing attracts: only what never hits is decided. With c = 0 alone, that a motion never hits again often
-    cannot be proved: it is undecided. Where `starts` is None, the stable orbits of one impact in up to 16 periods are
-    tried besides: they are known in closed form. They do not count in shares: an attractor that no other initial
-    condition leads to has share 0. Of other attractors, those that no initial condition leads to are not found. Cost:
-    tens of milliseconds, a second for chaotic motions, some seconds where chaos does not last.
+    Chaotic motions are compared on a 64 x 64 grid of boxes on the impact surface. Two are the same attractor if the
+    second visits the boxes of a long sample of the first more than half as often as the first itself does. With r = 1
+    and c = 0, areas are preserved and nothing is attracted: only motions that never hit are decided. With c = 0 alone,
+    it often cannot be proved that a motion never hits again; it is then undecided. If `starts` is None, the stable
+    orbits of one impact in up to 16 periods, known in closed form, are tried as well. They do not count in the shares:
+    an attractor that no other initial condition leads to has share 0. Other attractors that no initial condition leads
+    to are not found. Time: tens of milliseconds, a second for chaotic motions, some seconds if chaos does not last.
 
-    For systems, a motion and its mirror image are two attractors unless it is its own. No stick erases all memory: a
-    motion that rests at a stop is a cycle like others. An initial condition is decided once its whole state comes back
-    to within 1e-7 V; it leads to the cycle (followed on, and solved for where it does not rest) whose impacts its own
-    first kept one and mean agree with, within :math:`10^{-6} \|(1 - J)^{-1}\|`, J the derivative of the cycle's map.
-    Where every mode decays, impacts determine all coordinates. Impacts on a rigid stop with r = 1, or on an undamped
-    compliant one, last where no damping reaches what they start: nothing attracts there, and what strikes such a stop
-    is undecided. Chaotic motions are compared by boxes of the impact surfaces of all stops. All quasi-periodic motions
-    count as one attractor, all that stick and never repeat as another, and all that never hit again as a third, also
-    with a mode that nothing damps. Below a second for a periodic system, seconds for a chaotic one.
+    For systems, a motion and its mirror image are two attractors, unless they are the same motion. No rest erases all
+    memory, so a motion that rests at a stop is a cycle like any other. An initial condition is decided once its whole
+    state returns to within 1e-7 V. It leads to the cycle whose impacts agree with its first kept impact and its mean
+    velocity within :math:`10^{-6} \|(1 - J)^{-1}\|`, where J is the derivative of the cycle's map; the cycle is
+    followed further and, unless it rests, solved for. If every mode decays, impacts determine all coordinates. Impacts
+    on a rigid stop with r = 1, or on an undamped compliant stop, last if damping does not act on the motion that they
+    excite: nothing is attracted then, and a motion that strikes such a stop is undecided. Chaotic motions are compared
+    by boxes on the impact surfaces of all stops. All quasi-periodic motions count as one attractor, all that stick and
+    never repeat as another, and all that never hit again as a third, even with an undamped mode. Time: less than a
+    second for a periodic system, seconds for a chaotic one.
 
     Examples
     --------
@@ -131,7 +132,7 @@ def attractors(
 
 
 def check_taken(model: Any, runner: Runner) -> None:
-    """Refuse a model without stops, and one that a back end does not take."""
+    """Refuse a model without stops, and a model that the back end does not support."""
     check_takes(runner.engine, model)
     if not model.forgets and isinstance(runner.engine, OfOneMass):
         raise ValueError(f"`backend` {runner.engine.name!r} does not tell motions of systems apart; leave it out")
@@ -146,7 +147,7 @@ def attractors_by(
     sampling: Sampling = SAMPLING,
     progress: bool | Report = False,
 ) -> list[Attractor]:
-    """Return the attractors of a model as `attractors` does, by a runner that may know fates already."""
+    """Return the attractors of a model as `attractors` does, with a runner that may hold results already."""
     check_taken(osc, runner)
     chosen = spread_cells(osc.cells({})) if starts is None else state_cells(osc, starts)
     windows = rounds(osc, sampling.transient_impacts, sampling.sample_impacts)
@@ -164,7 +165,7 @@ def attractors_by(
 def from_rest(runner: Runner, system: ImpactSystem) -> tuple[Attractor | None, Measured]:
     """Return the attractor that a system at rest settles to, None if it is undecided, and the motion with its indices.
 
-    Those of a cycle are of one cycle; an index that is not known of it is NaN.
+    The indices of a cycle are those of one cycle; an unknown index is NaN.
     """
     check_taken(system, runner)
     windows = rounds(system, SAMPLING.transient_impacts, SAMPLING.sample_impacts)
@@ -198,7 +199,7 @@ def basins(
     progress: bool | Report = False,
     **axes: ArrayLike,
 ) -> xr.Dataset:
-    r"""Return which attractor each initial condition of a grid leads to, and the attractors' properties.
+    r"""Return the attractor that each initial condition of a grid leads to, and the attractors' properties.
 
     Initial conditions are impacts, or states in front of the stop at one driving phase:
 
@@ -210,28 +211,29 @@ def basins(
     osc : ImpactOscillator, ImpactSystem or family
         The model.
     start : State, optional
-        For systems: the coordinates that no axis varies; None is at rest. Its time is that of all states.
+        For systems: the coordinates that no axis varies; None means at rest. Its time is the time of all states.
     stop : str, optional
-        For systems, with the axes `phase` and `velocity`: the stop that the impacts strike; the only one need not be
-        named. Displacement and velocity are those nearest to `start`, in the mass metric, that strike it so.
+        For systems, with the axes `phase` and `velocity`: the stop that the impacts strike; it may be omitted if there
+        is only one. The state is the one nearest to `start`, in the mass metric, that strikes the stop at this
+        velocity.
     transient_impacts, sample_impacts, backend, tolerances, workers
-        As of `attractors`.
+        As in `attractors`.
     progress : bool or callable
         True shows a bar; a callable gets (initial conditions decided, their total number, Dataset with their `status`)
-        and stops by returning False: what was found so far is returned, the unfinished `interrupted`.
+        and stops the search by returning False: the result so far is returned, with unfinished cells `interrupted`.
     **axes : sequences of numbers
-        Two of these, strictly increasing: `phase` from 0 to 1 and `velocity` >= 0 in m/s for impacts (velocity 0 is at
-        rest at the stop), or `displacement` in m, at most the gap, and `velocity` in m/s of either sign for states in
-        front of the stop; their time is then given by a number `phase`, 0 unless given. For a system of n coordinates
-        two of `displacement_0`, `velocity_0`, `displacement_1`, ... and `phase`; or `phase` and `velocity` at a `stop`.
+        Two axes, strictly increasing. For impacts: `phase` from 0 to 1 and `velocity` >= 0 in m/s (0 is at rest at the
+        stop). For states in front of the stop: `displacement` in m, at most the gap, and `velocity` in m/s of either
+        sign; a number `phase` gives their time, 0 by default. For a system of n coordinates: two of `displacement_0`,
+        `velocity_0`, `displacement_1`, ... and `phase`; or `phase` and `velocity` at a `stop`.
 
     Returns
     -------
     xarray.Dataset
-        Over the two axes in the order given: `attractor` (0, 1, ... by falling share, -1 where undecided; its
+        Over the two axes in the order given: `attractor` (0, 1, ... by decreasing share, -1 if undecided; its
         `flag_meanings` are their names) and `status`. Over `attractor_id`: `share` of the grid, `n_periods`,
-        `n_impacts`, `std`, `mean_velocity`, `max_velocity`, `lyapunov`, `dissipation`; over `point` too: where the
-        attractor itself lies in the portrait, `point_...` per axis (NaN-padded, 256 points at most).
+        `n_impacts`, `std`, `mean_velocity`, `max_velocity`, `lyapunov`, `dissipation`; and over `point` as well:
+        `point_...` for each axis, the points of the attractor itself in the plane (NaN-padded, 256 at most).
 
     Raises
     ------
@@ -240,11 +242,11 @@ def basins(
 
     Notes
     -----
-    What an initial condition leads to is decided by the rules of `attractors`, and does not depend on the others: chaos
-    is accepted after the first round if it lasts in all rounds, and then for 1e5 impacts, from 256 initial conditions
-    spread over the impact surface; if not, each is followed for up to 1e5 impacts.
-    Shares are parts of the grid's points. One that leads to a cycle takes some 600 certified steps (30 microseconds on
-    a core), a chaotic one 2500, one that settles slowly up to 50,000; `attrs` count the steps of all.
+    Each initial condition is decided by the rules of `attractors`, independently of the others: chaos is accepted after
+    the first round if, from 256 initial conditions spread over the impact surface, it lasts in all rounds and then for
+    1e5 impacts; if not, each chaotic motion is followed for up to 1e5 impacts. Shares are fractions of the grid's
+    points. A motion that leads to a cycle takes some 600 certified steps (30 microseconds on a core), a chaotic one
+    2500, one that settles slowly up to 50,000; `attrs` contain the total number of steps.
 
     Examples
     --------
@@ -351,7 +353,7 @@ def _table(basins: Sequence[Basin]) -> dict[str, xr.Variable]:
 def _points(runner: Runner, plane: Plane, basins: Sequence[Basin]) -> dict[str, xr.Variable]:
     """Return the points of each attractor in the portrait: its impacts, or its states at the portrait's phase.
 
-    Where one axis is the phase of states, an attractor has no points there.
+    If one axis is the phase of states, attractors have no points there.
     """
     portraits = [_points_of(runner, plane, basin.attractor) for basin in basins]
     longest = max((len(next(iter(points.values()))) for points in portraits), default=0)

@@ -1,16 +1,18 @@
-"""Run initial conditions until it is clear what each settles to.
+"""Compute motions from initial conditions until it is clear what each settles to.
 
-One is decided once its cycle is certain, or it can never hit again, or stays at rest; what has not closed a cycle is
-chaotic if neighbours part by more than 2^53 within the sampled impacts, the rule of `classify`. One that is not decided
-is run again, four times as long, then sixteen times. One that has rested, without a cycle that double precision
-resolves, goes where moved releases go (`final.fate_of_release`): all motions are alike from there on.
+A motion is decided once its cycle is certain, or it can never hit again, or it stays at rest; a motion without a cycle
+is chaotic if perturbations grow by more than 2^53 within the sampled impacts, the rule of `classify`. A motion that is
+not decided is computed again, four times as long, then sixteen times. For a motion that has rested, without a cycle
+that double precision resolves, perturbed releases decide (`final.fate_of_release`): after a rest, all motions are the
+same.
 
-Chaos may be a long transient. It is believed if 32 of the chaotic initial conditions, some of each group, are chaotic
-for 1e5 impacts; if nearly all of them rest, all that is chaotic does; else every chaotic one is watched for so long,
-and sorted by where it goes. Those that are still undecided are watched too. What was chaotic before and seems
-quasi-periodic then may be half chaos and half a cycle: it is watched once more, from there on. For a grid, 256 initial
-conditions spread over the impact surface decide whether chaos lasts, so that what one leads to never depends on the
-others. What hits stops for ever without loss (r = 1 and c = 0) attracts nothing: only that it never hits is decided.
+Chaos may be a long transient. It is accepted if 32 of the chaotic motions, some of each group, stay chaotic for 1e5
+impacts; if nearly all of them rest, all chaotic motions count as resting; otherwise every chaotic motion is followed
+for 1e5 impacts and sorted by its end. Motions that are still undecided are followed as well. A motion that was chaotic
+at first and then seems quasi-periodic may be half chaos and half a cycle; it is followed once more, from there on. For
+a grid, 256 initial conditions spread over the impact surface decide whether chaos lasts, so the result for one initial
+condition never depends on the others. If impacts never lose energy (r = 1 and c = 0), nothing is attracted: only
+motions that never hit are decided.
 """
 
 from __future__ import annotations
@@ -51,9 +53,9 @@ MEAN_GAP, RATE_GAP = 0.02, 0.02
 
 @dataclass(frozen=True)
 class Settled:
-    """What each initial condition of a model settles to: the kind, its status, the indices of its last run.
+    """The motion that each initial condition settles to: its kind and status, and the indices of its last run.
 
-    `passing` is the hardest hit in m/s of any window in which it had no cycle yet.
+    `passing` is the hardest impact in m/s in any window before it had a cycle.
     """
 
     osc: Any  # a `Design`
@@ -65,7 +67,7 @@ class Settled:
 
     @classmethod
     def of(cls, osc: Design, cells: Cells) -> Settled:
-        """Return the state before anything has run: nothing is known."""
+        """Return the initial state, in which nothing is known."""
         number, cells = len(cells), cells[np.arange(len(cells))]
         counts = {name: np.zeros(number, np.int64) for name in ("impacts", "steps", "kept")}
         kinds = {name: INDICES[name].dtype if name in INDICES else np.float64 for name in identifying(cells)}
@@ -78,7 +80,7 @@ class Settled:
         return named(int(self.kind[at]), int(self.status[at]), indices, float(self.indices["impacts"][at]))
 
     def note(self, at: Counts, outcome: Outcome, kept: int) -> None:
-        """Take down the outcome of a window of `kept` impacts."""
+        """Record the outcome of a window of `kept` impacts."""
         for name in (*identifying(self.cells), "impacts"):
             self.indices[name][at] = outcome[name]
         self.indices["steps"][at] += outcome["steps"]
@@ -92,7 +94,7 @@ class Settled:
             self.indices["n_periods"][unnamed] = self.indices["n_impacts"][unnamed] = 0
 
     def follow(self, at: Counts, fate: Fate) -> None:
-        """Let those that have rested go on as moved releases do."""
+        """Continue motions that have rested as perturbed releases continue."""
         self.cells.table[at] = fate.cell.table[0]
         self.kind[at] = MotionClass.UNDECIDED if fate.end.status == Status.BUDGET else fate.end.motion_class
         self.status[at] = _plain(np.array([fate.end.status]), self.kind[at[:1]])[0]
@@ -103,9 +105,9 @@ class Settled:
 
 
 def rounds(osc: Design, transient: int, keep: int) -> list[ImpactWindow]:
-    """Return the windows of one round after the other; a single one where longer rounds would decide nothing.
+    """Return the windows of successive rounds; a single one if longer rounds would decide nothing.
 
-    For systems, 2^k - 1 impacts are left out and 2^k kept: that is how lanes compare later impacts with the first kept.
+    For systems, 2^k - 1 impacts are skipped and 2^k kept, since lanes compare later impacts with the first one kept.
     """
     number = ROUNDS if attracts(osc) else 1
     if osc.forgets:
@@ -115,12 +117,12 @@ def rounds(osc: Design, transient: int, keep: int) -> list[ImpactWindow]:
 
 
 def late(osc: Design) -> ImpactWindow:
-    """Return the window over which motions are watched that do not repeat."""
+    """Return the window over which motions that do not repeat are followed."""
     return LATE if osc.forgets else LATE_OF_SYSTEMS
 
 
 def last_round(runner: Runner, osc: Design, windows: Sequence[ImpactWindow]) -> list[ImpactWindow]:
-    """Return the window in which motions are watched that do not repeat, unless nothing is gained by it."""
+    """Return the window in which motions that do not repeat are followed, unless nothing is gained by it."""
     last = late(osc)
     longer = windows[-1].transient + windows[-1].keep >= last.transient + last.keep
     return [] if longer or runner.engine.slow or not attracts(osc) else [last]
@@ -134,10 +136,10 @@ def settle(
     outlook: Callable[[Settled, ImpactWindow], MotionClass] = lambda settled, window: MotionClass.UNDECIDED,
     report: Callable[[Settled, int], None] = lambda settled, undecided: None,
 ) -> Settled:
-    """Run cells in ever longer windows until each is decided; `report` gets the number undecided after each batch.
+    """Compute cells in ever longer windows until each is decided; `report` gets the number undecided after each batch.
 
-    `outlook` says after a window what all that is chaotic there comes to: chaos that lasts, intermittent sticking, or
-    (undecided) one this and one that, so that all must be run on.
+    After a window, `outlook` gives the final motion of all motions that are chaotic there: lasting chaos, intermittent
+    sticking, or undecided if they differ, in which case all must be continued.
     """
     settled = Settled.of(osc, cells)
     kind, status = settled.kind, settled.status
@@ -186,14 +188,14 @@ def settle(
 
 
 def _winds_on(runner: Runner, settled: Settled, winds: NDArray[np.bool_], window: ImpactWindow) -> bool:
-    """Return whether so many of those that look quasi-periodic still do so in a longer window."""
+    """Return whether representatives of the motions that look quasi-periodic all do so in a longer window, too."""
     which = np.flatnonzero(winds)
     chosen = which[:: math.ceil(len(which) / REPRESENTATIVES)]
     return bool((settle(runner, settled.osc, settled.cells[chosen], [window]).kind == MotionClass.QUASI_PERIODIC).all())
 
 
 def outlook_of(runner: Runner, settled: Settled) -> MotionClass:
-    """Return the outlook of representatives of all chaos after 1e5 impacts, or undecided where they differ."""
+    """Return the outlook of representatives of all chaos after 1e5 impacts, or undecided if they differ."""
     groups = chaotic_groups(settled)
     number = sum(map(len, groups))
     if not number:
@@ -203,7 +205,7 @@ def outlook_of(runner: Runner, settled: Settled) -> MotionClass:
 
 
 def outlook_from(runner: Runner, osc: Design, cells: Cells, windows: Sequence[ImpactWindow]) -> MotionClass:
-    """Return the outlook, in the last window, of cells that are chaotic in the first one, and their representatives."""
+    """Return the outlook, in the last window, of cells that are chaotic in the first one, and of representatives."""
     early = settle(runner, osc, cells, windows[:1]).kind == MotionClass.CHAOTIC
     later = settle(runner, osc, cells[early], windows[-1:])
     common = _common(later)
@@ -220,7 +222,7 @@ def _irregular(settled: Settled) -> NDArray[np.bool_]:
 
 
 def _common(settled: Settled) -> MotionClass:
-    """Return whether all are chaotic, or nearly all of them rest again and again; else undecided."""
+    """Return chaotic if all cells are, sticking if nearly all of them rest again and again; else undecided."""
     resting = settled.kind == MotionClass.STICKING
     if not len(resting) or not _irregular(settled).all():
         return MotionClass.UNDECIDED
@@ -230,9 +232,9 @@ def _common(settled: Settled) -> MotionClass:
 
 
 def cycle_groups(settled: Settled, members: Counts) -> list[Counts]:
-    """Return members that lead to cycles in groups, by what does not depend on where a sample began.
+    """Return the members that lead to cycles, grouped by quantities that do not depend on where a sample began.
 
-    That is n and p, the loss per period, the exponent and the closest near-miss. For systems, all are one group.
+    These are n and p, the loss per period, the exponent and the closest near-miss. For systems, all are one group.
     """
     osc, columns = settled.osc, {name: column[members] for name, column in settled.indices.items()}
     if not members.size or not osc.forgets:
@@ -249,7 +251,7 @@ def cycle_groups(settled: Settled, members: Counts) -> list[Counts]:
 
 
 def chaotic_groups(settled: Settled) -> list[Counts]:
-    """Return what leads to chaos in groups, by its mean velocity and impacts per period; for systems, as one group."""
+    """Return members that lead to chaos, grouped by mean velocity and impacts per period; for systems, as one group."""
     members = np.flatnonzero(settled.kind == MotionClass.CHAOTIC)
     if not members.size or not settled.osc.forgets:
         return [members]
@@ -261,7 +263,7 @@ def chaotic_groups(settled: Settled) -> list[Counts]:
 
 
 def clusters(columns: Sequence[tuple[Floats, float]]) -> list[Counts]:
-    """Return groups of rows, parted wherever the sorted values of a column leave a gap wider than that column's."""
+    """Return groups of rows, separated wherever the sorted values of a column leave a gap wider than that column's."""
     label = np.zeros(len(columns[0][0]), dtype=np.int64)
     for values, gap in columns:
         order = np.lexsort((values, label))
@@ -274,9 +276,9 @@ def clusters(columns: Sequence[tuple[Floats, float]]) -> list[Counts]:
 def attracting_kinds(osc: Design, outcome: Outcome, kept: int) -> NDArray[np.int8]:
     """Return the kind of motion that each cell settles to, from the outcome of a window of `kept` impacts.
 
-    To the rule of `classify` comes what the model decides: hits that last without loss attract nothing, and without
-    force a mass comes to rest, unless it swings on, undamped, just clear of the stop; what else still hits is dying
-    out, even where impacts come back to within 1e-7 V.
+    The model adds to the rule of `classify`: impacts that last without loss attract nothing. Without a force a mass
+    comes to rest, unless it continues to swing, undamped, just clear of the stop; all other motions that still hit are
+    dying out, even if impacts return to within 1e-7 V.
     """
     growth = outcome["lyapunov_per_impact"] * kept
     kinds = decide(outcome["status"], growth, outcome["n_periods"], outcome["n_impacts"], kept if may_wind(osc) else 0)
@@ -310,6 +312,6 @@ def _loads(osc: Design) -> tuple[bool, bool, bool]:
 
 
 def _plain(status: NDArray[np.int8], kind: NDArray[np.int8]) -> NDArray[np.int8]:
-    """Return the status of decided cells without what it says of the window, on which the kind does not depend."""
+    """Return the status of decided cells without its statement on the window, on which the kind does not depend."""
     cases = [kind == MotionClass.PERIODIC, kind == MotionClass.STICKING, kind == MotionClass.CHAOTIC]
     return np.select(cases, [Status.CLOSED, Status.STICKING, Status.OK], status).astype(np.int8)

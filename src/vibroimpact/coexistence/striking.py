@@ -1,22 +1,23 @@
-r"""Motions that strike stops: which of those that initial conditions settle to are one, and what leads to which.
+r"""Motions that strike stops: which settled motions are the same, and which initial conditions lead to each.
 
-One initial condition is followed onto its cycle, or its chaos is sampled; then it is found which of the others lead
-there. What is found to be on a motion that is known already joins it. The state of one mass at an impact is the impact
-itself: initial conditions whose indices leave no gap (`settling.cycle_groups`, `chaotic_groups`) lead to one motion,
-and all that rest at the stop do, as every release is the same state.
+One initial condition is followed to its cycle, or its chaos is sampled; then the other initial conditions that lead
+there are found. An initial condition that leads to a known motion is added to that motion. For one mass, an impact is
+the whole state: initial conditions whose indices leave no gap (`settling.cycle_groups`, `chaotic_groups`) lead to one
+motion, and so do all that rest at the stop, because every release is the same state.
 
-For systems, a rest at one stop does not erase what the other coordinates remember, and a motion and its mirror image
-share all their indices; so cycles are compared impact by impact. Lanes give of every initial condition the first impact
-that its window keeps (stop, phase, velocity), after how many impacts and periods the whole state came back to it within
-1e-7 V, and the mean and the largest velocity of the window. Those lead to a cycle whose first impact is one of its own
-and whose means are those of the cycle from there on. Where every mode decays, the impacts of a cycle determine all
-coordinates.
+For systems, a rest at one stop does not erase the state of the other coordinates, and a motion and its mirror image
+have the same indices; so cycles are compared impact by impact. For every initial condition the lanes return the first
+impact that its window keeps (stop, phase, velocity), the number of impacts and periods after which the whole state
+returned to it within 1e-7 V, and the mean and the largest velocity of the window. An initial condition leads to a cycle
+if its first impact is one of the cycle and its means are those of the cycle from there on. If every mode decays, the
+impacts of a cycle determine all coordinates.
 
 With P the map of a cycle, x* its fixed point and J the derivative there, :math:`P(x) - x = (J - 1)(x - x^*)`: a state
-that came back within 1e-7 V is within :math:`\|(1 - J)^{-1}\|` times that of the cycle. Ten times as much is allowed
-for; what lies farther away is followed itself, and joins the cycle that it is found on. No cycle is solved for twice.
+that returned to within 1e-7 V is within :math:`\|(1 - J)^{-1}\|` times that distance of the cycle. Ten times as much is
+allowed; a motion farther away is followed itself and added to the cycle on which it is found. No cycle is solved for
+twice.
 
-Chaos is told apart by boxes of the impact surface of each stop that a long sample of it visits.
+Chaotic motions are distinguished by the boxes, on the impact surface of each stop, that a long sample visits.
 """
 
 from __future__ import annotations
@@ -53,10 +54,10 @@ WANDERING = 4000  # impacts, at most, from a release to the next rest that are s
 
 @dataclass(frozen=True)
 class SettledMotion:
-    """The impacts of a cycle of `n_periods` from its hardest on, or a sample (0) of a motion that does not repeat.
+    """The impacts of a cycle of `n_periods`, hardest first, or a sample of a motion that does not repeat (0 periods).
 
-    `start` is a state on it, `exponent` the largest one in 1/s, `loss` the energy in J that stops take per driving
-    period; `tolerance` is how near its members come, `orbit` the cycle solved for, or None.
+    `start` is a state on it, `exponent` the largest exponent in 1/s, `loss` the energy in J that the stops take per
+    driving period; `tolerance` is the distance within which its members lie, `orbit` the cycle solved for, or None.
     """
 
     phases: Floats
@@ -87,7 +88,7 @@ class SettledMotion:
 
 
 def alike(one: Any, other: Any, tolerance: float = SAME) -> bool:
-    """Return whether two cycles are one: all impacts agree, on the same stops, from some impact of either on."""
+    """Return whether two cycles are the same: all impacts agree, on the same stops, up to a cyclic shift."""
     if len(one.stops) != len(other.stops) or not len(one.stops):
         return len(one.stops) == len(other.stops)
     fastest = max(np.max(one.velocities, initial=0.0), np.max(other.velocities, initial=0.0))
@@ -100,7 +101,7 @@ def alike(one: Any, other: Any, tolerance: float = SAME) -> bool:
 
 
 def striking(runner: Runner, settled: Settled, longest: ImpactWindow) -> Iterator[tuple[int, SettledMotion, Counts]]:
-    """Yield every motion that strikes stops: an initial condition that leads to it, the motion, and all that do."""
+    """Yield for every motion that strikes stops: an initial condition that leads to it, the motion, and all that do."""
     indices, forgets = settled.indices, settled.osc.forgets
     endless, sticks = indices["n_periods"] == 0, settled.kind == MotionClass.STICKING
     repeats = np.flatnonzero(~endless & ((settled.kind == MotionClass.PERIODIC) | (sticks & (not forgets))))
@@ -178,10 +179,10 @@ def _members(settled: Settled, candidates: Counts, at: int, cycle: SettledMotion
 
 
 def follow(runner: Runner, settled: Settled, at: int, others: Sequence[SettledMotion] = ()) -> SettledMotion:
-    """Return the cycle that an initial condition leads to, from as many impacts after the one that came back as before.
+    """Return the cycle that an initial condition leads to, after as many further impacts as it took to close.
 
-    If it is none of the `others`, one of a few impacts is then solved for, if it neither rests nor strikes several
-    stops at once.
+    A cycle that is none of the `others` and has few impacts is solved for, unless it rests or strikes several stops at
+    once.
     """
     system: Any = settled.osc
     n, p, settling = (int(settled.indices[name][at]) for name in ("n_periods", "n_impacts", "impacts"))
@@ -276,7 +277,7 @@ def _turns(runner: Runner, settled: Settled, at: int) -> SettledMotion:
 
 
 def sampled(runner: Runner, settled: Settled, at: int, window: ImpactWindow | StroboscopicWindow) -> Any:
-    """Return the samples that a window takes of what initial condition `at` settles to."""
+    """Return the samples, in a window, of the motion that initial condition number `at` settles to."""
     return runner.samples(settled.cells[at : at + 1], window)[0]
 
 
@@ -303,7 +304,7 @@ def _smallest(samples: SystemSamples, span: slice, n: int) -> tuple[int, slice]:
 
 
 def solved(model: Model, n: int, stops: Counts, turns: Floats, speeds: Floats, end: State) -> SystemOrbit | None:
-    """Return the stable orbit that Newton's method reaches from a cycle's impacts or a state, if it is that cycle."""
+    """Return the stable orbit that Newton's method finds from a cycle's impacts or a state, if it is that cycle."""
     system = model.at()
     times = ((turns - math.floor(turns[0])) * system.period).tolist()
     impacts = Impacts(turns % 1.0, speeds)

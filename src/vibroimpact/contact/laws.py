@@ -1,4 +1,4 @@
-"""Laws of restitution of rigid stops, and what they stand for in files."""
+"""Laws of restitution of rigid stops, and their representation in files."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ def _of_hunt_crossley(v: float, damping: float, order: int) -> float:
 
 
 def decrement(zeta: float) -> float:
-    """Return -ln r of a mass that a spring and a damper of that damping ratio release when their force is zero."""
+    """Return -ln r for a spring and damper of that damping ratio that release a mass when their force is zero."""
     root = math.sqrt(abs((1.0 - zeta) * (1.0 + zeta)))
     half = math.atan2(root, zeta) if zeta < 1.0 else math.asinh(root)  # half the duration of contact, times w_d
     return 2.0 * zeta * (half / root if root else 1.0)

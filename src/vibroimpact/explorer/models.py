@@ -48,7 +48,7 @@ def open_model(model: Model, name: str = "") -> tuple[View, Find]:
 
 
 def name_in_links(model: Model, name: str) -> tuple[str, Find]:
-    """Return the name of a model in links, and the function that finds it: one mass with one stop has no name."""
+    """Return the name of a model in links, and the function that finds it; one mass with one stop needs no name."""
     if getattr(model, "says_all", False):
         return "", find_ready_made
     link_name = printable(name or str(model)).replace(" ", "_")

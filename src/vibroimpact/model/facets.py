@@ -20,10 +20,10 @@ def round_obstacle(
 
     .. math:: x \cos \theta_j + y \sin \theta_j \le c, \qquad \theta_j = \theta_0 + 2 \pi j/n
 
-    The part moves within the circle of radius c about the centre; n facets that touch this circle stand for it. Where
-    two facets meet, the part may go farther than c by the factor :math:`1/\cos(\pi/n)` (`facet_error`), and an impact
-    acts along the nearest of the n directions, which differs from the true one by up to :math:`\pi/n`. Contacts are
-    without friction.
+    The part moves within the circle of radius c about the centre; n facets that touch this circle replace it. Where two
+    facets meet, the part may go farther than c by the factor :math:`1/\cos(\pi/n)` (`facet_error`), and an impact acts
+    along the nearest of the n directions, which differs from the true one by up to :math:`\pi/n`. Contacts are without
+    friction.
 
     Parameters
     ----------

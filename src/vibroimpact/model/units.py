@@ -23,9 +23,9 @@ _RATE = re.compile(r"^1/(min|s)$")  # of a machine: turns, as rpm and Hz count t
 
 
 def without_unit(parameter: Parameter, value: Any) -> Any:
-    """Return a value, or each of several, as a number in the unit of its parameter; what has no unit stays as it is.
+    """Return a value, or each of several, as a number in the unit of its parameter; numbers stay as they are.
 
-    Of a span the first end is in the unit of the second one unless it has its own.
+    The first end of a range without a unit has the unit of the second end.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def has_unit(values: Iterable[Any]) -> bool:
 
 
 def unit_of(value: Any) -> str:
-    """Return the unit that is written with a value, or with the last of several that has one; "" where none is.
+    """Return the unit written with a value, or with the last of several values that has one; "" if there is none.
 
     Examples
     --------
@@ -84,9 +84,9 @@ def unit_of(value: Any) -> str:
 
 
 def shown_as(model: Model, name: str, units: Mapping[str, str]) -> tuple[Parameter, str]:
-    """Return the parameter, and its unit, in which values of a parameter are written.
+    """Return the parameter, and the unit, in which values of a parameter are written.
 
-    `units` names both: where it has `frequency`, which replaces `omega`, that is written instead.
+    `units` determines both: if it contains `frequency`, which replaces `omega`, the frequency is written instead.
     """
     table = model.parameters
     given = next((each for each in units if each in table and name in (each, table[each].replaces)), name)
@@ -126,7 +126,7 @@ def is_unit(text: str) -> bool:
 
 
 def check_units(model: Model, units: Mapping[str, str] | None) -> dict[str, str]:
-    """Return units by parameter, or refuse an unknown parameter and a unit of something else."""
+    """Return units by parameter; refuse unknown parameters and units of another dimension."""
     if not isinstance(units, Mapping | None):
         raise invalid("units", units, 'units by parameter, such as {"gap": "mm"}')
     chosen = dict(units or {})
@@ -168,7 +168,7 @@ def _registry() -> tuple[Any, tuple[type[Exception], ...]]:
 
 
 def few_values(model: Model) -> tuple[dict[str, float], list[str]]:
-    """Return the values that a line has room for, and in words what is left out: the numbers of many stops."""
+    """Return the values that fit into a line, and a text on the numbers of stops that are left out."""
     values = dict(model.values)
     if len(values) <= MANY:
         return values, []

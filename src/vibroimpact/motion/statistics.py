@@ -1,4 +1,4 @@
-"""What the impacts of a motion do to the supports: rates, speeds, impulses, forces and power, support by support."""
+"""The effect of impacts on each support: rates, speeds, impulses, forces and power."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def default_kind(dataset: xr.Dataset) -> str:
     Raises
     ------
     ValueError
-        There is no figure of such a result; the message lists the results that have one.
+        There is no figure for such a result; the message lists the results that have one.
 
     Examples
     --------

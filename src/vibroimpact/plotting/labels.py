@@ -162,7 +162,7 @@ def _family(dataset: xr.Dataset) -> tuple[str, dict[str, float]] | None:
 
 
 def selected_model(dataset: xr.Dataset) -> Any:
-    """Return the oscillator or system of a result at the selected axis values; None if not recorded.
+    """Return the oscillator or system of a result at the selected axis values; None if it was not recorded.
 
     For a family, it is the one at the family's own values.
     """

@@ -1,4 +1,4 @@
-"""Numbers with their units, ranges and counts, and where motions begin, in words."""
+"""Numbers with their units, ranges, counts and initial conditions, in words."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def quantity(value: float, units: str, digits: int = 12) -> str:
 
 
 def spaced(word: str) -> str:
-    """Return a word of a table of flags with spaces in place of underscores."""
+    """Return the meaning of a flag with spaces in place of underscores."""
     return word.replace("_", " ")
 
 
 def initial_condition(dataset: xr.Dataset, before: str = "from ", after: str = "") -> str:
-    """Return the initial conditions from which a result was computed; nothing where it does not hold them."""
+    """Return the initial conditions from which a result was computed; empty if it does not contain them."""
     start = dataset.attrs.get("initial_condition", "")
     if "start" in dataset.coords and "start" not in dataset.dims:  # one of several was selected
         start = f"start = {int(dataset['start'])} of {start}"

@@ -1,4 +1,4 @@
-"""What impacts do to each support, in words."""
+"""The effect of impacts on each support, in words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a design does, how safely, and which changes soften its impacts; and two designs side by side."""
+"""What a design does, how far it is from other motions, and what softens its impacts; two designs side by side."""
 
 from vibroimpact.verdict.advice import Advice
 from vibroimpact.verdict.compare import Comparison, compare

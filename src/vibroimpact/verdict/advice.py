@@ -1,9 +1,9 @@
-"""Ways to soften the impacts: the smallest change of one parameter with a clear benefit, from every initial condition.
+"""Ways to soften the impacts: the smallest change of one parameter with a clear benefit from every initial condition.
 
-A change is found with a few initial conditions and judged by many: 256 spread over the impact surface, the known orbits
-of one impact there, the present motions, changed at 128 instants of each cycle, and their orbits, continued along the
-parameter to the value. One from which the mass would then hit harder than what is to be softened is enough to reject
-it, and the next value is tried.
+A change is found with a few initial conditions and tested with many: 256 spread over the impact surface, the known
+orbits of one impact at the new value, the present motions, changed at 128 instants of each cycle, and their orbits,
+continued along the parameter to the value. A change is rejected, and the next value tried, if from only one of them the
+mass hits harder than the motions to be softened.
 """
 
 from __future__ import annotations
@@ -45,16 +45,16 @@ class Advice:
     change : float
         The change, signed, relative to the present value, or to `of`.
     of : str
-        What it is relative to, where that is not the present value.
+        What the change is relative to, if not the present value.
     benefit : str
         "no_impact", "no_chaos", or "softer" (the hardest hit at least a fifth lower).
     motion : str
-        The motion there that hits hardest, in two or three words.
+        The motion that hits hardest at the new value, in two or three words.
     max_velocity, before : float
-        Its hardest hit and that of the hardest present motion, in m/s.
+        The hardest hit of that motion, and of all present motions, in m/s.
     tried : int
-        Initial conditions from which no hit is harder than `max_velocity`; 0 where all hits are proportional to the
-        parameter, and none had to be tried.
+        Number of initial conditions tried, none of which leads to a hit harder than `max_velocity`; 0 if no trial was
+        needed because all hits are proportional to the parameter.
     """
 
     parameter: str
@@ -70,9 +70,7 @@ class Advice:
 
 @dataclass(frozen=True)
 class Target:
-    """What is to be softened: the hardest hits of the present motions; whether any never repeats; whether these are
-    chaos.
-    """
+    """The motions to be softened: the hardest hit, whether any never repeats, and whether the hardest is chaotic."""
 
     hardest: float
     irregular: bool
@@ -80,15 +78,15 @@ class Target:
 
     @classmethod
     def of(cls, motions: Sequence[Coexisting]) -> Target:
-        """Return the target among motions that coexist."""
+        """Return the target for given coexisting motions."""
         worst = max(motions, key=lambda motion: motion.max_velocity)
         return cls(worst.max_velocity, not all(motion.repeats for motion in motions), worst.chaotic)
 
     def benefit(self, motions: Sequence[Measured]) -> str:
-        """Return the benefit of a change after which these are the motions, or nothing.
+        """Return the benefit of a change to these motions; empty if there is none.
 
-        Chaos in place of regular motions is no benefit, nor are harder hits in place of chaos. Rests that do not repeat
-        do not count as chaos: rounding may decide when they come.
+        Replacing regular motions by chaos is no benefit, nor is replacing chaos by harder hits. Rests that do not
+        repeat do not count as chaos, because rounding may decide when they occur.
         """
         hardest = max(map(hit, motions))
         if hardest == 0.0:
@@ -102,7 +100,7 @@ class Target:
 
 
 def hit(motion: Measured) -> float:
-    """Return the hardest hit of a motion, infinity where it could not be followed."""
+    """Return the hardest hit of a motion; infinity if it could not be followed."""
     followed = motion.hardest == 0.0 or motion.status.has_indices
     return motion.hardest if followed and not math.isnan(motion.hardest) else math.inf
 
@@ -116,7 +114,7 @@ class CycleStates:
     phase: Floats
 
     def cells(self, cell: Cells, every: int = 1) -> Cells:
-        """Return the states as cells of the changed design of a single one."""
+        """Return the states as cells of a single changed design."""
         y, v, phase = (column[::every] for column in (self.displacement, self.velocity, self.phase))
         return cell.copies(len(phase)).carried(y, v, phase)
 
@@ -135,7 +133,7 @@ def present_cycles(osc: Any, motions: Sequence[Coexisting], runner: Runner) -> l
 
 @dataclass(frozen=True)
 class Trials:
-    """Which benefit changes have, from initial conditions that depend on the design."""
+    """The benefits of changes, from initial conditions that depend on the design."""
 
     target: Target
     runner: Runner
@@ -213,7 +211,7 @@ def _scouts(cell: Cells) -> Cells:
 def advise(
     present: Present, motions: Sequence[Coexisting], ranges: Sequence[Range], runner: Runner, branches: Branches
 ) -> tuple[Advice, ...]:
-    """Return for each parameter the smallest change to gentler motions, and to none that hit; the smallest first."""
+    """Return the smallest change of each parameter to gentler motions, and to no impacts; the smallest first."""
     reached = [motion for motion in motions if motion.reached]
     target = Target.of(reached)
     if not 0.0 < target.hardest < math.inf:

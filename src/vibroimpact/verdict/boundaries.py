@@ -1,8 +1,8 @@
-"""Where a motion ends along each parameter: its nearest boundary down and up, and the motion beyond.
+"""The values of each parameter at which a motion ends: its nearest boundaries below and above, and the motions beyond.
 
-Where an equation gives the boundary - the orbit's own bifurcations, the end of sticking, or a closed form - it is
-solved. Elsewhere one motion is followed along many paths at once, its state carried along (`carried`), where phase and
-velocity of an impact are the whole state. A motion without impacts has further edges, beyond which others hit
+If an equation gives the boundary (a bifurcation of the orbit, the end of sticking, or a closed form), it is solved.
+Otherwise, if phase and velocity of an impact are the whole state, the motion is followed along many paths at once, and
+its state is carried along (`carried`). A motion without impacts has further edges, beyond which other motions hit
 (`onsets`).
 """
 
@@ -44,10 +44,10 @@ def nearest_boundaries(
     coexisting: Sequence[Coexisting] = (),
     done: Callable[[], bool] = lambda: True,
 ) -> tuple[Edge, ...]:
-    """Return the nearest boundary of a motion down and up each parameter; `done` is called for each, False stops.
+    """Return the nearest boundaries of a motion below and above each parameter; `done` is called for each, False stops.
 
-    Where motions that hit coexist with one that does not, some initial conditions settle to impacts at the present
-    value already. Where the state is more than an impact, only bifurcations are sought, and not what lies beyond.
+    If motions that hit coexist with one that does not, some initial conditions already settle to impacts at the present
+    value. If the state is more than an impact, only bifurcations are sought, and not the motions beyond them.
     """
     solved: list[tuple[Side, Side | None]] = []
     for varied in ranges:
@@ -68,7 +68,7 @@ def nearest_boundaries(
 
 
 def _with_onsets(present: Present, side: Side, hit_already: bool) -> Search[Side]:
-    """Return a boundary of a motion without impacts, and from where on others hit, which need a force to last."""
+    """Return a boundary of a motion without impacts, and the values beyond which others hit; these need a force."""
     if not side.has_room or side.range.at(side.end).amplitude == 0.0:
         return side
     at_present = side.onset(side.range.value)
@@ -84,7 +84,7 @@ def _with_onsets(present: Present, side: Side, hit_already: bool) -> Search[Side
 
 
 def _with_beyond(sides: Sequence[Side], group: tuple[str, int, int], runner: Runner) -> tuple[Edge, ...]:
-    """Return the boundaries as callers see them, with the motion a little beyond each, or else right beyond it."""
+    """Return the boundaries as callers receive them, with the motion a little beyond each, or else just beyond it."""
     values = [side.beyond_at() for side in sides]
     beyond = [i for i, value in enumerate(values) if not math.isnan(value)]
     designs = [sides[i].range.changed(values[i]) for i in beyond]

@@ -1,4 +1,4 @@
-"""Lines of values of a parameter, with the benefit that advice would have at each, and where benefits begin."""
+"""Lines of values of a parameter, with the benefit of advice at each value, and the values at which benefits begin."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ ANY, ENDS = ("softer", "no_chaos", "no_impact"), ("no_impact",)  # benefits that
 
 @dataclass
 class Line:
-    """Values of a parameter to one side of the present one, from there outwards, and the benefit at each."""
+    """Values of a parameter on one side of the present value, the nearest first, and the benefit at each."""
 
     range: Range
     values: list[float]
     benefits: list[str] = field(default_factory=list)
 
     def first(self, wanted: Sequence[str]) -> int | None:
-        """Return the place of the first value with a benefit that its next neighbour has too; None without one."""
+        """Return the index of the first value with a benefit that the next value has too; None if there is none."""
         good = [benefit in wanted for benefit in self.benefits]
         pairs = zip(good, [*good[1:], good[-1]], strict=True)
         return next((place for place, (value, neighbour) in enumerate(pairs) if value and neighbour), None)
 
     def bracket(self, wanted: tuple[str, ...]) -> Bracket | None:
-        """Return the step in which benefits begin, and the values beyond that have them; None where they do not."""
+        """Return the step in which benefits begin, and the values beyond that have them; None if there are none."""
         first = self.first(wanted)
         if first is None:
             return None
@@ -38,7 +38,7 @@ class Line:
         return Bracket(self.range, wanted, inside, self.values[first], further)
 
     def midpoints(self, change: float) -> list[float]:
-        """Return values between neighbours, one of which at most has a benefit, as far as changes are smaller."""
+        """Return values midway between neighbours that do not both have a benefit, for changes below `change`."""
         ends = zip([self.range.value, *self.values], ["", *self.benefits], strict=True)
         return [
             self.range.between(inner, outer, 0.5)
@@ -55,7 +55,7 @@ class Line:
 
 @dataclass
 class Bracket:
-    """The step of a line in which benefits that are looked for begin, and values further on that have them."""
+    """The step of a line in which the wanted benefits begin, and values further on that have them."""
 
     range: Range
     wanted: tuple[str, ...]
@@ -71,9 +71,9 @@ class Bracket:
 
 
 def rounded(value: float, varied: Range, outwards: int) -> float:
-    """Return a value whose change has two digits, rounded outwards or (0) to the nearest, inside its range.
+    """Return a value whose change has two significant digits, rounded outwards or (0) to nearest, inside its range.
 
-    The change is that relative to the scale: so advice is the same in any unit.
+    The change is relative to the scale, so advice does not depend on units.
     """
     change = varied.change(value)
     power = math.floor(math.log10(abs(change)) - 1.0)

@@ -1,6 +1,6 @@
-"""The orbits that present motions are on, continued along a parameter: to their boundaries, and to advised values.
+"""The orbits of the present motions, continued along a parameter to their boundaries and to advised values.
 
-A change that is made slowly leads along their branches, which initial conditions of the changed design may miss.
+A slow change leads along their branches, which initial conditions of the changed design may miss.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ WHOLE = 1e-6  # of a period, or a change: what differs by less is one
 
 
 def present_orbits(present: Present, motions: Sequence[Coexisting], runner: Runner) -> list[Any]:
-    """Return the stable orbits that the present motions are on: of those that repeat and do not rest at a stop."""
+    """Return the stable orbits of the present motions that repeat and do not rest at a stop."""
     orbits = (present.orbit if motion.from_rest else _orbit_of(present, motion, runner) for motion in motions)
     return [orbit for orbit in orbits if orbit is not None and not orbit.sticks]
 
 
 def _orbit_of(present: Present, motion: Coexisting, runner: Runner) -> Any:
-    """Return the orbit that a coexisting motion is on, solved for from its impacts; None where that is not possible."""
+    """Return the orbit of a coexisting motion, solved for from its impacts; None if that is not possible."""
     n, oscillator = motion.n_periods, present.oscillator
     if not (motion.max_velocity and motion.repeats):
         return None
@@ -67,7 +67,7 @@ class LazyBranch:
         yield from walk(equations, equations.pack(z), longest, False, self.direction, round(STRIDE / longest))
 
     def goes_on(self) -> bool:
-        """Follow the branch by one point more, as far as it is solved for; return whether it goes on."""
+        """Follow the branch by one more point, if it is solved for; return whether it continues."""
         if self.way is not None and len(self.way.points) * self.orbit.n_impacts > MOST:
             return False
         following = next(self._ways, None)
@@ -75,9 +75,10 @@ class LazyBranch:
         return following is not None
 
     def at(self, value: float) -> list[Any]:
-        """Return the stable orbits at a value, on the branch up to where it first passes that.
+        """Return the stable orbits at a value, on the branch up to the point where it first passes this value.
 
-        A branch that turns and comes back past its beginning is left: what is stable there is a present motion itself.
+        A branch that turns and comes back past its beginning is not followed further: stable orbits there are present
+        motions.
         """
         while not self._passes(value) and self.goes_on():
             pass
@@ -86,13 +87,13 @@ class LazyBranch:
         return [orbit for orbit in orbits if orbit is not None and orbit.stable]
 
     def _passes(self, value: float) -> bool:
-        """Whether the branch has passed a value, or comes back past its beginning."""
+        """Whether the branch has passed a value, or has come back past its beginning."""
         present, points = self.varied.value, self.way.points if self.way else []
         shares = [(point.value - present) / (value - present) for point in points]
         return bool(shares) and (max(shares) >= 1.0 or min(shares) < -WHOLE)
 
     def _crossing(self, a: Any, b: Any, value: float) -> Any:
-        """Return the orbit at a value between two points, or None where that is not between them."""
+        """Return the orbit at a value between two points, or None if the value is not between them."""
         low, high = a.value, b.value
         if not min(low, high) <= value <= max(low, high) or low == high:
             return None
@@ -102,7 +103,7 @@ class LazyBranch:
 
 
 class Branches(dict[tuple[int, str, int], LazyBranch]):
-    """The branches of orbits along parameters that were needed so far."""
+    """The branches of orbits along parameters, as far as they were needed."""
 
     def of(self, orbit: Any, varied: Range, direction: int) -> LazyBranch:
         """Return the branch of an orbit downwards (-1) or upwards (+1) along a parameter."""
@@ -112,7 +113,7 @@ class Branches(dict[tuple[int, str, int], LazyBranch]):
         return self[key]
 
     def at(self, orbits: Sequence[Any], varied: Range, value: float) -> list[Any]:
-        """Return the stable orbits on the branches of some at a value of a parameter."""
+        """Return the stable orbits at a value of a parameter on the branches of some orbits."""
         reached: list[Any] = []
         for orbit in orbits:
             try:

@@ -1,7 +1,7 @@
-"""A motion carried along a path, in small steps, until it becomes another.
+"""A motion carried along a path, in small steps, until it becomes another motion.
 
-A step after which the motion is another is bisected. Whether it truly ends there is then seen from close by and over
-many more impacts: a motion that merely missed its own basin in a large step, or that had not settled, goes on.
+A step after which the motion is another is bisected. Whether it really ends there is then tested close by and over many
+more impacts: a motion that only left its own basin in a large step, or that had not settled, continues.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ UNSURE = (MotionClass.UNDECIDED, MotionClass.BUDGET)
 
 @dataclass
 class Track:
-    """A path, how far along it the motion has been followed, and a place further on at which it is another.
+    """A path, the place up to which the motion has been followed, and a place further on at which it is another motion.
 
-    Places are shares of the way from `first` to `end`, taken to the power `crowded`. A motion that `lasts` is the same
-    only if it is so from all states that are tried: else it is a transient.
+    Places are fractions of the way from `first` to `end`; the power `crowded` concentrates them near `first`. With
+    `lasts`, the motion must be the same from all states that are tried; otherwise it is a transient.
     """
 
     range: Range
@@ -57,35 +57,35 @@ class Track:
 
     @property
     def close(self) -> bool:
-        """Whether the motion has been followed close to where it is another."""
+        """Whether the motion has been followed close to the place where it is another."""
         return self.barrier - self.place <= NARROW
 
     @property
     def inside(self) -> float:
-        """The last value up to which it was followed."""
+        """The last value up to which the motion was followed."""
         return self.at(self.place)
 
     @property
     def outside(self) -> float:
-        """The value at which it is another."""
+        """The value at which the motion is another."""
         return self.at(self.barrier)
 
     def move_to(self, place: float, start: Start | None) -> None:
-        """Take the motion to a place."""
+        """Move the motion to a place."""
         self.widest = max(self.widest, abs(self.range.change(self.at(place)) - self.range.change(self.inside)))
         self.history.append((self.place, self.start))
         self.place, self.start = place, start or self.start
         self.done = place >= 1.0
 
     def pass_barrier(self, start: Start | None) -> None:
-        """Take the motion past a place at which it only seemed to be another."""
+        """Move the motion past a place at which it only seemed to be another."""
         self.move_to(self.barrier, start)
         self.barrier, self.step = math.nan, 8.0 * NARROW
         self.missed_basins += 1
         self.done = self.done or self.missed_basins > MISSED
 
     def cells(self, states: Sequence[tuple[float, Start | None]]) -> Cells:
-        """Return the cells that start at places from states."""
+        """Return the cells with given states as initial conditions, one per place."""
         designs = [self.range.changed(self.at(place)) for place, _ in states]
         return cells_of(designs, [start for _, start in states])
 
@@ -95,7 +95,7 @@ class Track:
 
 
 def carry(track: Track) -> Search[None]:
-    """Carry a motion to where it becomes another, or to the end of its path."""
+    """Carry a motion to the place where it becomes another, or to the end of its path."""
     while not track.done:
         yield from (_look_closely if track.close else _step)(track)
 

@@ -1,4 +1,4 @@
-"""Boundaries of a motion along its parameters, and changes of these, in words."""
+"""Boundaries of a motion along the parameters, and changes of parameters, in words."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MANY_GAPS = 10.0  # a change so many times the gap is given relative to f/k alon
 
 
 def boundary_facts(verdict: Verdict) -> Iterator[str | Table]:
-    """Yield where the motion ends down and up each parameter, and for which initial conditions that holds."""
+    """Yield the values below and above each parameter at which the motion ends, and for which initial conditions."""
     edges, carried = verdict.boundaries, verdict.oscillator.forgets
     if edges and verdict.orbit is None and not carried:
         yield "not sought: only those of periodic motions with impacts that never rest at a stop are followed"
@@ -81,10 +81,10 @@ def _about(verdict: Verdict) -> Iterator[str]:
 
 
 def ends_of(verdict: Verdict, edge: Edge) -> Iterator[tuple[str, str]]:
-    """Yield the values at which something happens on the way along a parameter, each with what happens there.
+    """Yield the values along a parameter at which something happens, each with a description.
 
-    For a motion without impacts others come first, where they differ: from where on some initial condition settles to
-    impacts, and the motion from rest strikes the stop or settles to impacts.
+    For a motion without impacts, the values beyond which other motions hit come first if they differ: some initial
+    condition settles to impacts, or the motion from rest strikes the stop or settles to impacts.
     """
     if edge.at_once:
         yield "at once", _event(verdict, edge)
@@ -114,7 +114,7 @@ def _event(verdict: Verdict, edge: Edge) -> str:
 
 
 def onset_texts(edge: Edge) -> list[tuple[Onset, str]]:
-    """Return the sentences on where other motions begin to hit, the nearest first, and on what happens there."""
+    """Return the onsets of impacts of other motions, the nearest first, each with a description."""
     values = {name: onset.value for name in ONSETS if (onset := getattr(edge, name))}
     if values.get("strikes") == values.get("from_rest"):
         values.pop("strikes", None)
@@ -151,7 +151,7 @@ def _value(verdict: Verdict, edge: Edge, value: float, digits: int) -> str:
 
 
 def change_texts(model: Model, parameter: str, value: float) -> list[str]:
-    """Return the size of a change, of the gap also relative to the gap itself: 3.1 %, or 14 % and 4.1 % of f/k."""
+    """Return the size of a change; for a gap, also relative to the gap itself: 3.1 %, or 14 % and 4.1 % of f/k."""
     present = present_value(model, parameter)
     size = present.percent(value)
     if present.of != "f/k" or not present.value:
@@ -195,5 +195,5 @@ def with_hertz(model: Model, name: str, value: float, units: Mapping[str, str]) 
 
 
 def number(value: float, digits: int) -> str:
-    """Return a number of so many digits, without a power of ten below a million."""
+    """Return a number with so many digits, without a power of ten below a million."""
     return f"{float(f'{value:.{digits}g}'):g}"

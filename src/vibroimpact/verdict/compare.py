@@ -45,9 +45,9 @@ class Comparison:
     Attributes
     ----------
     names : tuple of two str
-        What the designs are called.
+        The names of the designs.
     verdicts : tuple of two Verdict
-        What `describe` returns for each.
+        The result of `describe` for each.
     """
 
     names: tuple[str, str]
@@ -237,19 +237,19 @@ def compare(
     names : tuple of two str
         Their names; not the same.
     parameters, within, units, tolerances, workers
-        As of `describe`.
+        As in `describe`.
     progress : bool or callable
-        True shows a bar; a callable gets (parts done, parts in all, None) and stops by returning False.
+        True shows a bar; a callable gets (parts done, parts in all, None) and stops the computation by returning False.
 
     Returns
     -------
     Comparison
-        `str()` is a table in which a star marks the parameters that differ; `dataset` holds it over `design`.
+        `str()` is a table in which a star marks the parameters that differ; `dataset` holds the table over `design`.
 
     Raises
     ------
     ValueError
-        `a` or `b` is not a model, `names` are not two different texts, or what `describe` refuses.
+        `a` or `b` is not a model, `names` are not two different texts, or `describe` refuses an argument.
 
     Notes
     -----
@@ -267,7 +267,7 @@ def compare(
     with reporter(progress, "parts") as report:
 
         def tally(before: int, done: int, total: int, _: Any) -> Any:
-            """Report the parts of a verdict, so many verdicts `before` it."""
+            """Report the parts of a verdict that follows `before` other verdicts."""
             return report(before * total + done, 2 * total, None)
 
         first, second = (

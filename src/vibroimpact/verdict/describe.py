@@ -1,4 +1,4 @@
-"""What a design does, how far it is from doing something else, and which changes soften its impacts."""
+"""The motions of a design, the distance to other motions, and the changes that soften its impacts."""
 
 from __future__ import annotations
 
@@ -28,47 +28,47 @@ BESIDE = 3  # parts of the work besides one per parameter
 
 @dataclass(frozen=True, repr=False)
 class Verdict(Shown):
-    """What `describe` found; `str()` gives it in words.
+    """The result of `describe`; `str()` gives it in words.
 
     Attributes
     ----------
     model : ImpactOscillator, ImpactSystem or family
         The design that was described, whose parameters were varied.
     oscillator : ImpactOscillator or ImpactSystem
-        The oscillator or system that it is.
+        The oscillator or system at the values of the model.
     kind : str
         "periodic", "sticking", "chaotic", "undecided", "no_impact", "stuck_forever", "decaying" or "budget".
     motion : Motion
-        The motion from rest: its name, and speeds (m/s) and phases of one cycle, from its hardest hit on.
+        The motion from rest: its name, and speeds (m/s) and phases of one cycle, beginning with its hardest hit.
     orbit : Orbit, SystemOrbit or None
-        The same solved exactly, with multipliers, where it is periodic or, for one mass, sticks.
+        The exact solution for this motion, with multipliers, if it is periodic or, for one mass, sticks.
     status : str
         How the sampled motion ended, as in `parameter_map`.
     indices : dict
-        Every index of `parameter_map`, with its default sampling, or of the cycle where that comes later; NaN where
-        there is no value.
+        Every index of `parameter_map`, with its default sampling, or over the cycle if the motion reaches it later; NaN
+        if there is no value.
     watched : int
         Impacts after which the motion was certain, or over which it did not repeat.
     transient : str
-        What the first 5100 impacts look like, where that is another motion.
+        The motion named by the first 5100 impacts, if that is another one.
     releases : dict
-        Where the next rest is decided by rounding: how many of 32 moved releases lead to the motion of each name.
+        If rounding decides the next rest: how many perturbed releases lead to the motion of each name.
     boundaries : tuple of Edge
         The nearest boundary below and above each parameter.
     attractors : tuple of Coexisting
-        The motions that 256 spread initial conditions settle to, that from rest first.
+        The motions that 256 spread initial conditions settle to; the motion from rest comes first.
     advice : tuple of Advice
-        For each parameter the smallest change that softens the impacts, and the smallest that ends them; the smallest
-        of all first.
+        For each parameter, the smallest change that softens the impacts and the smallest that ends them; in the order
+        of their sizes.
     complete : bool
-        False where `progress` asked to stop before the end, or more than 2^29 certified steps (2^27 for systems) would
-        have been taken.
+        False if `progress` stopped the computation, or if more than 2^29 certified steps (2^27 for systems) would have
+        been needed.
     cells, steps : int
-        Motions computed for it, and their certified steps.
+        Number of motions computed, and of their certified steps.
     stops : tuple of str
         For systems: the stop of each impact of the motion.
     units : dict
-        Units in which the text gives parameters, by name; the numbers of the fields are in the parameters' own.
+        Units in which the text gives parameters, by name; the numbers in the fields are in the parameters' own units.
     """
 
     model: Model
@@ -97,27 +97,27 @@ class Verdict(Shown):
 
     @property
     def max_velocity(self) -> float:
-        """The hardest hit from rest in m/s: that of the cycle, or the largest sampled; 0 where it does not hit."""
+        """The hardest hit of the motion from rest in m/s, over the cycle or the samples; 0 without impacts."""
         if self.kind in ("no_impact", "stuck_forever", "at_rest"):
             return 0.0
         return max(self.motion.velocities, default=self.indices["max_velocity"])
 
     @property
     def worst(self) -> Coexisting | None:
-        """The motion with the hardest hits of those that initial conditions lead to; None if none of them hits."""
+        """The motion with the hardest hits that initial conditions lead to; None if none of the motions hits."""
         hitting = (motion for motion in self.attractors if motion.reached and motion.max_velocity > 0.0)  # not NaN
         return max(hitting, key=lambda motion: motion.max_velocity, default=None)
 
     @property
     def harder(self) -> Coexisting | None:
-        """The worst motion if it is harder than that from rest, or this one's hits are unknown; of twins none is."""
+        """The worst motion if it hits harder than that from rest, or the hits from rest are unknown; else None."""
         worst = self.worst
         softer = worst is None or worst.from_rest or worst.max_velocity <= (1.0 + EQUAL) * self.max_velocity
         return None if softer else worst
 
     @property
     def undecided(self) -> float:
-        """The share of the initial conditions of which it is not known what they lead to."""
+        """The share of the initial conditions whose motions are undecided."""
         share = 1.0 - sum(motion.share for motion in self.attractors)
         return share if share >= EQUAL else 0.0
 
@@ -171,62 +171,64 @@ def describe(
     workers: int | None = None,
     progress: bool | Report = False,
 ) -> Verdict:
-    """Describe what a design does, how far it is from doing something else, and which changes soften its impacts.
+    """Describe the motions of a design, the distance to other motions, and the changes that soften its impacts.
 
     Parameters
     ----------
     osc : ImpactOscillator, ImpactSystem or family
         The design.
     parameters : names, optional
-        Which parameters to vary in search of boundaries and advice; None is all (seven, of an oscillator), and
-        `frequency` may replace `omega`. Those of a family are the function's own.
+        The parameters to vary in search of boundaries and advice; None means all (seven for an oscillator), and
+        `frequency` may replace `omega`. The parameters of a family are those of its function.
     within : float, > 0
-        How far each is varied: from value / (1 + within) to value * (1 + within), where 3 is a quarter to fourfold; the
-        gap by `within` times the larger of |g| and f/k. What is 0 has a scale that the design gives it: a gap its
-        static deflection, damping a twentieth of the critical one.
+        The range of each parameter: from value / (1 + within) to value * (1 + within); 3 means from a quarter to four
+        times the value. The gap is varied by `within` times the larger of |g| and f/k. For a parameter that is 0, the
+        design gives a scale: the static deflection for a gap, a twentieth of critical damping for damping.
     units : mapping of str to str, optional
-        Units in which the text gives parameters, as {"gap": "mm", "frequency": "rpm"}, where `frequency` stands for
-        `omega`; all others are in their own. Numbers are not converted. Needs pint.
+        Units in which the text gives parameters, such as {"gap": "mm", "frequency": "rpm"}, where `frequency` stands
+        for `omega`; all others are given in their own units. The numbers in the fields are not converted. Needs pint.
     tolerances : Tolerances, optional
         Numerical tolerances.
     workers : int, optional
-        Threads; None is one per core. The verdict does not depend on it.
+        Threads; None means one per core. The verdict does not depend on it.
     progress : bool or callable
-        True shows a bar; a callable gets (parts done, parts in all, None) and stops by returning False: the verdict
-        then holds what was found until then.
+        True shows a bar; a callable gets (parts done, parts in all, None) and stops the computation by returning False:
+        the verdict then holds what was found by then.
 
     Returns
     -------
     Verdict
-        `str()` of it is a short text; its fields and `to_dict()` are for programs.
+        `str()` gives a short text; the fields and `to_dict()` are for programs.
 
     Raises
     ------
     ValueError
-        `osc` is not a model, one of `parameters` or of `units` is not among its own, a unit is of something else, or
-        `within` is not a number > 0.
+        `osc` is not a model, one of `parameters` or of `units` is not a parameter of the model, a unit has another
+        dimension, or `within` is not a number > 0.
 
     Notes
     -----
-    The motion described is that from rest. The orbit of a periodic motion is continued until it folds, doubles or
-    grazes; of a sticking one the end of the chatter is followed to the release; without impacts R = g and f = -k g are
-    solved: such boundaries are exact to about 1e-12. Others are bisected between motions, the state being carried along
-    so that coexisting motions are not mistaken for changes; there, and with sticking, windows narrower than `spacing`
-    may be stepped over, which is about 1 % near the present value and 6 % far from it. Without impacts, `strikes`,
-    `from_rest` and `from_some` of an edge say from where on others hit. Advice softens the hardest hit of all
-    coexisting motions that initial conditions lead to: by at least a fifth, or it ends all impacts, or chaos at no
-    harder hits. It is given only if nothing hits harder at the advised value from rest, from 256 spread impacts, on the
-    stable orbits of one impact and on those of the present branches, continued to the value, and after the change was
-    made at 128 instants of each present cycle. Changes have two digits, relative to what they are a share of. One to
-    three seconds on two cores, rarely four, and seven for chaos with long flights; 4,000 to 14,000 motions.
+    The motion described is that from rest. For a periodic motion, the orbit is continued until it folds, doubles or
+    grazes; for a sticking motion, the end of the chatter is followed to the release; without impacts, R = g and f = -k
+    g are solved. Such boundaries are exact to about 1e-12. Other boundaries are bisected between motions; the state is
+    carried along, so that coexisting motions are not mistaken for changes. There, and with sticking, windows narrower
+    than `spacing` may be missed: about 1 % near the present value and 6 % far from it. For a motion without impacts,
+    `strikes`, `from_rest` and `from_some` of an edge give the values beyond which other motions hit.
 
-    For systems, a verdict says what holds for any number of coordinates and stops: the motion from rest, what strikes
-    each stop, the energy lost, multipliers or exponent, the motions that the initial conditions of `attractors` lead
-    to, and, of a periodic motion that does not rest at a stop, the nearest fold, period doubling, Neimark-Sacker point,
-    pitchfork and graze along each parameter, followed in steps of 2 % of its range or up to 8 % far from them. At a
-    graze of a compliant stop the motion gains or loses a contact; it goes on, and smoothly if the stop has no damping.
-    Advice is sought as for one mass, with the orbits of one impact on any stop and the spread impacts of `attractors`.
-    Seconds per parameter; a minute or two where the motion is chaotic.
+    Advice lowers the hardest hit of all coexisting motions that initial conditions lead to by at least a fifth, ends
+    all impacts, or ends chaos without harder hits. It is given only if nothing hits harder at the advised value: from
+    rest, from 256 spread impacts, on the stable orbits of one impact, on the branches of the present orbits continued
+    to that value, and after the change is made at 128 instants of each present cycle. Changes have two significant
+    digits, relative to the value that they refer to. A verdict takes one to three seconds on two cores, rarely four,
+    and seven for chaos with long flights; it computes 4,000 to 14,000 motions.
+
+    For systems, a verdict contains what is defined for any number of coordinates and stops: the motion from rest, the
+    impacts on each stop, the energy lost, multipliers or exponent, and the motions that the initial conditions of
+    `attractors` lead to. For a periodic motion that does not rest at a stop, it also contains the nearest fold, period
+    doubling, Neimark-Sacker point, pitchfork and graze along each parameter, followed in steps of 2 % of its range, or
+    up to 8 % far from them. At a graze of a compliant stop, the motion gains or loses a contact and continues, smoothly
+    if the stop has no damping. Advice is sought as for one mass, with the orbits of one impact on any stop and the
+    spread impacts of `attractors`. This takes seconds per parameter, and a minute or two if the motion is chaotic.
 
     Examples
     --------

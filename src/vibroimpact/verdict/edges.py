@@ -1,4 +1,4 @@
-"""The nearest boundary of a motion along a parameter in one direction, as it is found and as callers see it."""
+"""The nearest boundary of a motion along a parameter in one direction, as it is found and as callers receive it."""
 
 from __future__ import annotations
 
@@ -33,20 +33,21 @@ ONSETS = {  # of others, beside a motion without impacts
 
 @dataclass(frozen=True)
 class Onset:
-    """From where on initial conditions settle to impacts, along one parameter.
+    """The value of a parameter beyond which initial conditions settle to impacts.
 
     Parameters
     ----------
     value : float
-        The parameter there; the present value where some do so already.
+        The value; the present value if some initial conditions settle to impacts there already.
     change : float
-        From the present value to there, as of the `Edge`.
+        The change from the present value to it, as in an `Edge`.
     half_width : float
-        `value` is known to within this; 0 where it is exact.
+        `value` is known to within this; 0 if it is exact.
     spacing : float
-        The widest step between the values looked at up to there, in the unit of `change`; 0 where it is exact.
+        The widest step between the values examined on the way, in the unit of `change`; 0 if it is exact.
     start : Start
-        An impact (clearance 0 in m, velocity in m/s, phase) that keeps hitting just beyond; None where none is named.
+        An impact (clearance 0 in m, velocity in m/s, phase) after which the mass continues to hit just beyond; None if
+        none is given.
     """
 
     value: float
@@ -63,36 +64,37 @@ class Edge:
     Parameters
     ----------
     parameter : str
-        The one that is varied.
+        The parameter that is varied.
     direction : int
         -1 for smaller values, +1 for larger ones.
     kind : str
-        "period_doubling", "period_halving" (the orbit ends where it was born, at a period doubling of another),
-        "fold", "grazing", "neimark_sacker", "pitchfork" and "impacts_merge" (of systems), "end_of_sticking",
-        "first_contact" and "lift_off" (of a motion without impacts), "pressed_for_ever", "change" (another class of
+        "period_doubling", "period_halving" (the orbit ends where it was born, at a period doubling of another orbit),
+        "fold", "grazing", "neimark_sacker", "pitchfork" and "impacts_merge" (systems only), "end_of_sticking",
+        "first_contact" and "lift_off" (motions without impacts), "pressed_for_ever", "change" (to another class of
         motion, found by bisection), or "none" within the range.
     value : float
-        The parameter there; NaN for "none".
+        The parameter at the boundary; NaN for "none".
     change : float
-        From the present value to there, signed, relative to the present value, or to `of`.
+        The change from the present value to it, signed, relative to the present value, or to `of`.
     of : str
-        What the change is relative to, where that is not the present value: "f/k" for a gap smaller than that, "the
-        static deflection" for a system's gap of 0, "critical damping"; for a family's parameter at 0 a number.
+        What the change is relative to, if not the present value: "f/k" for a gap smaller than f/k, "the static
+        deflection" for a system's gap of 0, "critical damping", or a number for a family's parameter at 0.
     half_width : float
-        0 where `value` solves the boundary's own equation (to some 1e-11); else it lies within this of `value`.
+        0 if `value` solves the equation of the boundary (to some 1e-11); otherwise, the boundary is within this of
+        `value`.
     beyond : str
-        The motion just beyond, followed across; empty where none was found.
+        The motion just beyond, found by following the motion across the boundary; empty if none was found.
     beyond_at : float
-        The value at which that motion was computed; NaN where it was not.
+        The value at which that motion was computed; NaN if it was not.
     searched_to : float
-        The end of the range, or as far as the motion could be followed; NaN where none was sought, as it is undecided.
+        The end of the range, or the value up to which the motion could be followed; NaN if no boundary was sought
+        because the motion is undecided.
     spacing : float
-        The widest step between the values at which the motion was looked at, in the unit of `change`: narrower windows
-        of another motion may have been passed over. 0 where the boundary's own equation was followed.
+        The widest step between the values at which the motion was examined, in the unit of `change`: narrower windows
+        of another motion may have been missed. 0 if the equation of the boundary was followed.
     strikes, from_rest, from_some : Onset or None
-        For a motion without impacts: from where on the motion from rest strikes the stop, if only in passing; from
-        where on it settles to impacts; and from where on some initial condition does. None where none was found, and
-        for motions that hit.
+        For a motion without impacts: beyond which values the motion from rest strikes the stop at all, settles to
+        impacts, and some initial condition settles to impacts. None if none was found, and for motions with impacts.
     """
 
     parameter: str
@@ -112,41 +114,41 @@ class Edge:
 
     @property
     def found(self) -> bool:
-        """Whether there is one."""
+        """Whether there is a boundary."""
         return self.kind != "none"
 
     @property
     def not_sought(self) -> bool:
-        """Whether nothing is known of where it is."""
+        """Whether nothing is known about where the boundary is."""
         return not self.found and math.isnan(self.searched_to)
 
     @property
     def exact(self) -> bool:
-        """Whether the value solves the boundary's own equation."""
+        """Whether the value solves the equation of the boundary."""
         return self.found and self.half_width == 0.0
 
     @property
     def what(self) -> str:
-        """The boundary in words, or the motion beyond where that alone is known."""
+        """The boundary in words, or the motion beyond if only that is known."""
         return self.beyond if self.kind == "change" and self.beyond else BOUNDARIES[self.kind]
 
     @property
     def at_once(self) -> bool:
-        """Whether the present value lies on the boundary, as far as rounding can tell."""
+        """Whether the present value lies on the boundary, to within rounding."""
         return self.exact and abs(self.change) < NOISE
 
     @property
     def accuracy(self) -> str:
-        """`exact`, `to within ...`, or nothing where no boundary was found."""
+        """`exact`, `to within ...`, or nothing if no boundary was found."""
         return "" if not self.found else "exact" if self.exact else f"to within {self.half_width:.1g}"
 
 
 @dataclass(frozen=True)
 class Side:
-    """A range in one direction, and what bounds the motion there, before one has looked beyond it.
+    """A range in one direction, and the boundary of the motion there, before the motion beyond it is computed.
 
-    `start` is what to carry across; `reached` is as far as the motion could be followed, if not to the end of the
-    range. `beyond` is a motion computed at `outside` already, and `onsets` are those of the `Edge`.
+    `start` is the state to carry across; `reached` is the value up to which the motion could be followed, if not the
+    end of the range. `beyond` is a motion already computed at `outside`, and `onsets` are those of the `Edge`.
     """
 
     range: Range
@@ -168,16 +170,16 @@ class Side:
 
     @property
     def has_room(self) -> bool:
-        """Whether the range goes on in this direction."""
+        """Whether the range extends in this direction."""
         return self.end != self.range.value
 
     @property
     def limit(self) -> float:
-        """Where the motion itself ends, or the range."""
+        """The value at which the motion ends, or the end of the range."""
         return self.end if self.kind == "none" else self.value
 
     def beyond_at(self) -> float:
-        """Return a value a little beyond the boundary, NaN where the range ends first."""
+        """Return a value a little beyond the boundary; NaN if the range ends first."""
         if self.kind == "none":
             return math.nan
         scale = self.range.scale
@@ -187,11 +189,11 @@ class Side:
         return value if (value - self.value) * self.direction > 0.0 else math.nan
 
     def onset(self, value: float, half_width: float = 0.0, spacing: float = 0.0, start: Start | None = None) -> Onset:
-        """Return the onset of others at a value as callers see it."""
+        """Return the onset of impacts of other motions at a value, as callers receive it."""
         return Onset(value, self.range.change(value), half_width, spacing, start)
 
     def edge(self, beyond: str = "", at: float = math.nan) -> Edge:
-        """Return the boundary as callers see it, with the motion beyond and the value at which that was computed."""
+        """Return the boundary as callers receive it, with the motion beyond and the value at which it was computed."""
         strikes, from_rest, from_some = self.onsets
         return Edge(
             parameter=self.range.name,

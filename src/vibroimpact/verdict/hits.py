@@ -1,4 +1,4 @@
-"""What a verdict says of impacts: how often, how hard, at which phase and on which stop."""
+"""The statements of a verdict on impacts: how often, how hard, at which phase and on which stop."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def speed(velocity: float) -> str:
 
 
 def is_one_mass(design: Any) -> bool:
-    """Return whether a design is one mass in front of one stop, whose stop needs no name."""
+    """Return whether a design is one mass in front of one stop; the stop then needs no name."""
     return bool(design.coordinates == len(design.stops) == 1)
 
 
 def hardest_lines(verdict: Verdict) -> Iterator[str]:
-    """Yield the hardest hits of all motions that initial conditions settle to, and the share that leads there."""
+    """Yield the hardest hits of all motions that initial conditions settle to, and the share that leads to them."""
     if (worst := verdict.worst) is None:
         return
     least = worst.max_velocity / (1.0 + EQUAL)
@@ -44,7 +44,7 @@ def hardest_lines(verdict: Verdict) -> Iterator[str]:
 
 
 def hit_lines(verdict: Verdict) -> Iterator[str]:
-    """Yield how often and how hard the motion from rest hits, and what a contact with a compliant stop is like."""
+    """Yield how often and how hard the motion from rest hits, and the properties of contacts with compliant stops."""
     motion, design = verdict.motion, verdict.oscillator
     if not math.isfinite(verdict.max_velocity) or verdict.max_velocity == 0.0:
         return
@@ -117,5 +117,5 @@ def _impulses(orbit: Any, named: bool) -> Iterator[str]:
 
 
 def on_stop(stop: str, named: bool) -> str:
-    """Return the stop that is struck, where it needs a name."""
+    """Return the stop that is struck, if it needs a name."""
     return f" on {stop}" if named else ""

@@ -1,9 +1,10 @@
-"""Where others than the present motion begin to hit: a motion from rest, and one from some initial conditions.
+"""The values of a parameter beyond which other motions hit: that from rest, and those from other initial conditions.
 
-A motion without impacts has three edges. The steady motion itself touches the stop where an equation says so. From rest
-the mass overshoots, and may settle to impacts long before. From other initial conditions it may do so earlier still:
-attractors that hit are looked for from initial conditions spread over the impact surface and on the closed-form orbits
-of one impact, and the first one found is carried back to where it ends.
+A motion without impacts has three edges. The value at which the steady motion itself touches the stop follows from an
+equation. From rest the mass overshoots and may settle to impacts long before that value. From other initial conditions
+it may settle to impacts even earlier: attractors that hit are sought from initial conditions spread over the impact
+surface and on the closed-form orbits of one impact, and the first one found is carried back to the value at which it
+ends.
 """
 
 from __future__ import annotations
@@ -38,15 +39,15 @@ def _widest(side: Side, path: Sequence[float]) -> float:
 
 
 def _path(side: Side) -> list[float]:
-    """Return values up to just before the motion itself ends, or the range."""
+    """Return values up to just before the end of the motion or of the range."""
     varied = side.range
     return [*varied.before(side.limit, PLACES), varied.between(varied.value, side.limit, 1.0 - NARROW)]
 
 
 def onset_from_rest(side: Side, lasting: bool = True) -> Search[Onset | None]:
-    """Return from where on rest leads to lasting impacts; where the motion itself ends, at the latest.
+    """Return the value beyond which rest leads to lasting impacts; at the latest, the motion itself ends there.
 
-    Without `lasting`: from where on it strikes the stop, if only in passing.
+    Without `lasting`: the value beyond which the motion from rest strikes the stop at all.
     """
     path = _path(side)
     first = yield from _first_hitting(side, path, _at_rest, lasting)
@@ -63,9 +64,9 @@ def onset_from_rest(side: Side, lasting: bool = True) -> Search[Onset | None]:
 
 
 def onset_from_some(side: Side, at_rest: Onset | None) -> Search[Onset | None]:
-    """Return from where on some initial condition settles to impacts; where one at rest does, at the latest.
+    """Return the value beyond which some initial condition settles to impacts; at the latest, that at rest does.
 
-    The first attractor that hits, or else that from rest, is carried towards the present value.
+    The first attractor that hits, or else the motion from rest, is carried towards the present value.
     """
     most = abs(side.range.change(at_rest.value)) if at_rest else math.inf
     path = [value for value in _path(side) if abs(side.range.change(value)) < most]
@@ -92,7 +93,7 @@ def onset_from_some(side: Side, at_rest: Onset | None) -> Search[Onset | None]:
 
 
 def _surely_hits(motion: Measured) -> bool:
-    """Return whether a motion is known to go on hitting, not just slow to end."""
+    """Return whether a motion certainly continues to hit, and does not only end slowly."""
     return motion.status.has_indices and motion.motion_class not in UNSURE
 
 
@@ -101,7 +102,7 @@ def _at_rest(model: Model) -> Cells:
 
 
 def _spread(model: Model) -> Cells:
-    """Return the initial conditions from which impacts are looked for."""
+    """Return the initial conditions from which impacts are sought."""
     osc = model.at()
     orbits = (z for n in range(1, ORBITS + 1) for z in impact_1_orbits(osc, n)[0])
     starts = [Start(0.0, float(z[1]), float(z[0]) % 1.0) for z in orbits if z[1] > 0.0]
@@ -111,7 +112,7 @@ def _spread(model: Model) -> Cells:
 def _first_hitting(
     side: Side, path: Sequence[float], initial: Callable[[Model], Cells], lasting: bool = True
 ) -> Search[tuple[int, Start | None] | None]:
-    """Return the first place on a path at which a motion hits, and a state of one that lasts; None without one."""
+    """Return the first place on a path at which a motion hits, and a state of one that lasts; None if there is none."""
     for first in range(0, len(path), BATCH):
         parts = [initial(side.range.changed(value)) for value in path[first : first + BATCH]]
         hit = yield Query(_hitting, Cells.join(parts), lasting)

@@ -1,4 +1,4 @@
-"""A design as a verdict sees it: its motion from rest, and the motions that coexist with it."""
+"""The present design of a verdict: its motion from rest, and the motions that coexist with it."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ def measure(runner: Runner, cells: Cells, window: ImpactWindow) -> list[Measured
 class Present:
     """The motion that a design settles to from rest.
 
-    It was followed to its `final` one; `motion` is its cycle, and `orbit` the same solved exactly, or None. `state` is
-    on it, or rest where it could not be followed. Where an impact is the whole state, `start` carries it on bit by bit;
-    else it was looked for as `attractor`.
+    It was followed to the `final` motion; `motion` is its cycle, and `orbit` the exact solution for it, or None.
+    `state` is on it, or at rest if it could not be followed. If an impact is the whole state, `start` continues it bit
+    for bit; otherwise it was found as `attractor`.
     """
 
     model: Model
@@ -62,23 +62,23 @@ class Present:
 
     @property
     def hardest(self) -> float:
-        """The hardest hit of its cycle, or of the sample, in m/s; 0 where it does not hit."""
+        """The hardest hit of its cycle, or of the sample, in m/s; 0 without impacts."""
         return max(self.motion.velocities, default=self.measured.hardest)
 
 
 def present_motion(model: Model, runner: Runner) -> Present:
     """Return the motion that rest leads to.
 
-    Where a rest at the stop may make the end of a motion an accident of rounding, moved releases decide it.
+    If rounding after a rest at the stop may determine the end of a motion, perturbed releases decide it.
     """
     return (_by_impacts if model.at().forgets else _by_states)(model, runner)
 
 
 def _by_impacts(model: Model, runner: Runner) -> Present:
-    """Return the motion from rest where phase and velocity of an impact are the whole state.
+    """Return the motion from rest of a model for which phase and velocity of an impact are the whole state.
 
-    One run measures and samples it, and a longer one what has not repeated by then; boundaries and advice are followed
-    from the first impact of a cycle's sample, or from the end of another's.
+    One run measures and samples it; if it has not repeated by then, a longer run follows. Boundaries and advice are
+    followed from the first impact of the sample of a cycle, or from the end of any other sample.
     """
     osc = model.at()
     final = final_motion(runner, osc.cells({}), ImpactWindow(SETTLED, SHOWN))
@@ -106,7 +106,7 @@ def _by_impacts(model: Model, runner: Runner) -> Present:
 
 
 def _by_states(model: Model, runner: Runner) -> Present:
-    """Return the motion from rest by whole states, followed for 32,767 impacts where it does not repeat."""
+    """Return the motion from rest by whole states, followed for 32,767 impacts if it does not repeat."""
     system = model.at()
     attractor, measured = from_rest(runner, system)
     final = Final(measured, None, measured.impacts)
@@ -118,7 +118,7 @@ def _by_states(model: Model, runner: Runner) -> Present:
 
 
 def stable_cycle(model: Model, n_periods: int, n_impacts: int, impacts: Impacts) -> Orbit | None:
-    """Return the stable orbit that a settled motion is on, from its last impacts."""
+    """Return the stable orbit of a settled motion, from its last impacts."""
     if n_impacts > MOST_IMPACTS or len(impacts.velocities) < n_impacts:
         return None
     last = Impacts(*(column[-n_impacts:] for column in impacts))
@@ -140,19 +140,19 @@ class Coexisting:
     name : str
         The motion in two or three words.
     share : float
-        The share of the initial conditions that settle to it; shares sum to less than 1 where some stay undecided.
+        The share of the initial conditions that settle to it; shares sum to less than 1 if some stay undecided.
     max_velocity : float
-        Its hardest hit in m/s; 0 where it does not hit.
+        Its hardest hit in m/s; 0 without impacts.
     dissipation : float
         Energy lost at the stop per driving period, in J.
     from_rest : bool
         Whether it is the motion that rest leads to.
     n_periods : int
-        Driving periods of its cycle, 0 where it has none.
+        Driving periods of its cycle; 0 if it has none.
     start : State
         A state on it.
     transient_impacts, transient_velocity
-        As of `Attractor`: how many impacts it may take until it is reached, and how hard they are.
+        As in `Attractor`: how many impacts it may take to reach the motion, and how hard they are.
     stop : str
         For cycles of systems: the stop that the hardest hit strikes.
     """
@@ -180,12 +180,12 @@ class Coexisting:
 
     @property
     def chaotic(self) -> bool:
-        """Whether it is chaos, one of several or not."""
+        """Whether it is chaotic, also if it is one of several chaotic motions."""
         return self.name.partition(" ")[0] == MotionClass.CHAOTIC.word
 
 
 def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ...]:
-    """Return the motions that `attractors` finds, that from rest first, with share 0 if it is none of them."""
+    """Return the motions that `attractors` finds; the motion from rest is first, with share 0 if it is none of them."""
     attractors = attractors_by(runner, present.oscillator)
     names = distinct_names(attractors)
     motions = [_coexisting(attractor, name) for attractor, name in zip(attractors, names, strict=True)]

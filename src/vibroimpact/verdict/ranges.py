@@ -1,4 +1,4 @@
-"""How far each parameter is varied, and what its changes are measured in."""
+"""The range over which each parameter is varied, and the scale of its changes."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ TRIALS = 24  # bisections of a range whose end is no design of a family
 
 @dataclass(frozen=True)
 class Range:
-    """A parameter of a model, its present value, the range around it, and what a change is measured in.
+    """A parameter of a model, its present value, the range around it, and the scale of changes.
 
-    `of` names what a relative change refers to; empty where it is the present value itself.
+    `of` names what a relative change refers to; empty if it is the present value itself.
     """
 
     model: Model
@@ -36,7 +36,7 @@ class Range:
 
     @property
     def only_scales(self) -> bool:
-        """Whether the motion only grows in proportion: with the force of one mass, where the gap is zero."""
+        """Whether the motion is proportional to the parameter: the force on one mass with zero gap."""
         design = self.model.at()
         force = design is self.model and self.name == "amplitude" and self.value > 0.0
         return force and not any(stop.gap for stop in design.stops)
@@ -46,30 +46,30 @@ class Range:
         return self.model.replace(**{self.name: value})
 
     def at(self, value: float) -> Any:
-        """Return the oscillator or the system that the model is at another value."""
+        """Return the oscillator or system of the model at another value."""
         return self.model.at(**{self.name: value})
 
     def end(self, direction: int) -> float:
-        """Return the last value downwards (-1) or upwards (+1)."""
+        """Return the end of the range downwards (-1) or upwards (+1)."""
         return self.low if direction < 0 else self.high
 
     def path(self, direction: int, number: int) -> list[float]:
-        """Return values from beside the present one to the end, close together at first; none without room."""
+        """Return values from next to the present one to the end, close together at first; none if there is no range."""
         end = self.end(direction)
         return [*self.before(end, number), end] if end != self.value else []
 
     def before(self, end: float, number: int) -> list[float]:
-        """Return values on the way from the present one to an end, close together at first, without both."""
+        """Return values between the present one and an end, close together at first, without these two."""
         return [self.between(self.value, end, (j / number) ** CROWDED) for j in range(1, number)]
 
     def between(self, first: float, last: float, share: float) -> float:
-        """Return the value a share of the way along: equal ratios where both are positive, else equal differences."""
+        """Return the value at a fraction of the way: equal ratios if both ends are positive, else equal differences."""
         if not self.of and first > 0.0 and last > 0.0:
             return first * math.exp(share * math.log(last / first))
         return first + share * (last - first)
 
     def cut(self, first: float, last: float, parts: int) -> list[float]:
-        """Return the values that cut the way between two into so many parts, with both ends."""
+        """Return the values that divide the way between two values into so many parts, with both ends."""
         return [first, *(self.between(first, last, j / parts) for j in range(1, parts)), last]
 
     def change(self, value: float) -> float:
@@ -88,13 +88,13 @@ class Range:
 
 
 def percent(share: float) -> str:
-    """Return a share in per cent, two digits of it or all before the point."""
+    """Return a share in per cent, with two digits, or with all digits before the point."""
     size = f"{100.0 * share:.2g}"
     return f"{100.0 * share:.0f} %" if float(size) >= 100.0 else f"{size} %"
 
 
 def range_of(model: Model, name: str, within: float) -> Range:
-    """Return the range from value / (1 + within) to value * (1 + within), or around zero what its physics scales with.
+    """Return the range from value / (1 + within) to value * (1 + within), or one around zero of the physical scale.
 
     The gap of one mass, and a number that is not positive, is varied by `within` times its `scale_of`, damping by
     `LIGHT` of that; and no further than the family makes a design.
@@ -111,7 +111,7 @@ def range_of(model: Model, name: str, within: float) -> Range:
 
 
 def present_value(model: Model, name: str) -> Range:
-    """Return the present value of a parameter, with what its changes are measured in and no room around it."""
+    """Return the present value of a parameter with the scale of its changes, and without a range around it."""
     value = value_of(model, name)
     return Range(model, name, value, value, value, *scale_of(model, name, value))
 
@@ -134,7 +134,7 @@ def _possible(varied: Range, direction: int) -> float:
 
 
 def check_parameters(model: Model, names: Iterable[str] | None) -> tuple[str, ...]:
-    """Return the names of the parameters to vary, or say which there are."""
+    """Return the names of the parameters to vary, or raise and list the parameters."""
     if names is None:
         return tuple(name for name in model.values if not model.parameters[name].whole)
     chosen = several("parameters", names, "a list of names")

@@ -1,7 +1,7 @@
-"""Searches along several paths, each a function of its own path, whose motions are computed together.
+"""Searches along several paths, whose motions are computed together.
 
-A search is a generator: it yields which motions it needs, gets them, and returns what it has found. So a search reads
-as if it were alone, and yet the motions of all fill the lanes of the engine.
+A search is a generator: it yields the motions that it needs, receives them, and returns its result. So each search is
+written as if it were the only one, while the motions of all searches fill the lanes of the engine.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Result = TypeVar("Result")
 
 
 class Query(NamedTuple):
-    """Motions that a search needs: what is to be computed of which cells, with one argument more."""
+    """The motions that a search needs: the cells, what to compute for them, and one more argument."""
 
     compute: Callable[[Runner, Cells, Any], Sequence[Any]]
     cells: Cells
@@ -28,17 +28,17 @@ Search = Generator[Query, Any, Result]
 
 
 def measured(cells: Cells, window: ImpactWindow) -> Query:
-    """Ask for the motion of each cell over a window."""
+    """Request the motion of each cell over a window."""
     return Query(measure, cells, window)
 
 
 def followed(cells: Cells, impacts: int) -> Query:
-    """Ask for the state of each motion after so many impacts, or None where it could not be followed."""
+    """Request the state of each motion after so many impacts, or None if it could not be followed."""
     return Query(Runner.follow, cells, impacts)
 
 
 def together(searches: Sequence[Search[Result]], runner: Runner) -> list[Result]:
-    """Return what each search finds: queries of one kind are answered at once."""
+    """Return the result of each search; queries of one kind are answered together."""
     results: dict[int, Result] = {}
     queries: dict[int, Query] = {}
 

@@ -1,7 +1,6 @@
 """A verdict in words, line by line.
 
-One mass in front of one stop needs no names: it hits "the stop". Where there are several stops or coordinates, each
-stop is named.
+One mass in front of one stop needs no names: it hits "the stop". With several stops or coordinates, each stop is named.
 """
 
 from __future__ import annotations
@@ -60,7 +59,7 @@ def verdict_facts(verdict: Verdict) -> Iterator[tuple[str, list[Fact]]]:
 
 
 def short_lines(verdict: Verdict) -> Iterator[str]:
-    """Yield a verdict in six lines at most: the motion, the hardest hits of all motions, one piece of advice."""
+    """Yield a verdict in at most six lines: the motion, the hardest hits of all motions, one piece of advice."""
     writers: dict[str, Writer] = {"motion": _motion, "hardest": hardest_lines, "advice": _advice_lines}
     yield from _laid_out((title, islice(writer(verdict), 1)) for title, writer in writers.items())
     if not verdict.complete:

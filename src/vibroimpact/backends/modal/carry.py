@@ -40,7 +40,7 @@ class Carrier:
         return self._shapes @ eta, self._shapes @ rate / self._step
 
     def over(self, x: Floats, phase: float, periods: float) -> tuple[Floats, Floats]:
-        """Return the state so many driving periods after a state at a phase, and its derivative by that state.
+        """Return the state a number of driving periods after a given one, and its derivative with respect to that one.
 
         If a stop is closed at the beginning, the derivative is restricted to the directions that it leaves free.
 

@@ -56,9 +56,9 @@ class Leg(NamedTuple):
 class Cycle:
     """The events of one cycle, or of half of one that is mirrored, and its equations.
 
-    `events` are in the order of time, and the stops `pushing` push just before the first. With the mirror `images` of
-    all stops it is half of a cycle of `n_periods`. The unknown is an array of p angles and the 2n numbers of the state
-    before the first event.
+    `events` are in the order of time, and the stops `pushing` push just before the first. If `images` holds the mirror
+    images of all stops, it is half of a cycle of `n_periods`. The unknown is an array of p angles and the 2n numbers of
+    the state before the first event.
     """
 
     flow: Flow

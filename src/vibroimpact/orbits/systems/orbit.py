@@ -61,8 +61,8 @@ class SystemOrbit(Orbit):
     neutral : tuple of complex
         Multipliers of a free centre of mass, if masses without a spring to the ground strike one another: 1 for its
         position, and 1, or less with drag, for its drift. They affect no stop and do not count for stability;
-        `multipliers` holds the others, the largest first. The drift is the one with which the centre returns, if there
-        is one.
+        `multipliers` holds the others, the largest first. The drift is the one with which the centre returns to its
+        position, if there is one.
 
     Examples
     --------

@@ -249,7 +249,7 @@ class Section:
             )
 
     def map_claims(self, mountain: str, flat: str, contour: str, marker: str) -> Pair:
-        """Register the four statements that the paper makes about the map of this section; return its pair."""
+        """Register the paper's four statements about the map of this section; return its pair of parameters."""
         pair = next(pair for pair in PAIRS if pair.section == self.number)
         figure = pair.map_figure
 
