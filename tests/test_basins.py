@@ -445,7 +445,10 @@ GRID = {"phase": [0.1, 0.2], "velocity": [0.5, 1.0]}
         ),
         (GRID | {"workers": 0}, "`workers` must be a whole number >= 1, got 0"),
         (GRID | {"sample_impacts": 0}, "`sample_impacts` must be a whole number >= 1, got 0"),
-        (GRID | {"backend": "fixed-step"}, "`backend` must be one that gives n and p of cycles, got 'fixed-step'"),
+        (
+            GRID | {"backend": "fixed-step"},
+            "`backend` must be one that computes n_periods and n_impacts, got",
+        ),
     ],
 )
 def test_a_wrong_request_for_basins_is_refused(axes, message):

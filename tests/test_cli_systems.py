@@ -145,7 +145,7 @@ def test_a_branch_that_rests_is_followed_to_its_end(run, tmp_path):
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        (f"continue {OWN} --x omega=7:9 --near 0.1,1", "`--near` of a system goes with `--stops`"),
+        (f"continue {OWN} --x omega=7:9 --near 0.1,1", "`--near` for a system needs `--stops`"),
         (f"boundary {OWN} --x omega=7:9 --y bar_gap=0:1 --kind end-of-sticking", "unknown `--kind` 'end-of-sticking'"),
         (f"basins {OWN}", "`stop` must name the stop that is struck: bar, baffle"),
         (f"basins {OWN} --x gap=0:1:3 --y velocity_0=0:1:3", "unknown coordinate 'gap'; choose from displacement_0"),
@@ -163,9 +163,9 @@ def test_a_branch_that_rests_is_followed_to_its_end(run, tmp_path):
         ("section --model two_sided_oscillator -p left_gap=-1", "`stops` 'left' and 'right' overlap"),
         (f"orbit {OWN} --stops bar,bar", "orbits of several impacts need a guess"),
         (f"orbit {OWN} --stops bar --impacts 1", "give either `--impacts` or the stops that are struck, not both"),
-        (f"orbit {OWN} --near 0.1", "`--near` of a system goes with `--stops`: a time in s for each of them"),
+        (f"orbit {OWN} --near 0.1", "`--near` for a system needs `--stops`, and a time in s for each of them"),
         (f"orbit {OWN} --stops bat", "unknown `stops` 'bat'; choose from bar, baffle"),
-        ("orbit --stops bar", "`--stops` goes with a system"),
+        ("orbit --stops bar", "`--stops` applies only to systems"),
         (
             "section --model bouncing",
             "unknown model 'bouncing'; choose from base_excited_oscillator, bilinear_oscillator",

@@ -303,7 +303,7 @@ PLANE = {"displacement_0": [0.0, 0.1], "velocity_1": [0.0, 0.1]}
         ({"displacement_0": [0.0, 0.1]}, "the axes must be two of displacement_0, .*, got `displacement_0`"),
         (PLANE | {"velocity_0": [0.0]}, "the axes must be two of .*, got `displacement_0`, `velocity_1`, `velocity_0`"),
         (PLANE | {"start": vi.State(0.1)}, "`start` must be a State of 2 coordinates, got State"),
-        (PLANE | {"stop": "left"}, r"`stop` goes with the axes \(phase, velocity\)"),
+        (PLANE | {"stop": "left"}, r"`stop` applies only to the axes \(phase, velocity\)"),
         ({"phase": [0.1, 0.2], "velocity": [1.0]}, "`stop` must name the stop that is struck: right, left"),
         ({"phase": [0.1], "velocity": [1.0], "stop": "up"}, "unknown `stop` 'up'|`stop` must be .* 'up'"),
         ({"phase": [0.1], "velocity": [-1.0], "stop": "left"}, "`velocity` must be .*>= 0, got -1"),

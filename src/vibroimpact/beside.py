@@ -24,7 +24,7 @@ _latest: list[Callable[[], Model]] = []  # the model of the latest command
 
 
 def compile_beside(model: Callable[[], Model]) -> None:
-    """Start a second process that compiles for this model once this process begins to compile; both end together."""
+    """Start a second process that compiles for this model, once this process begins to compile; both end together."""
     from vibroimpact.execution.threads import worker_count
 
     _latest[:] = [model]
@@ -46,7 +46,7 @@ def _start() -> None:
 
 
 def main() -> None:
-    """Compute a little with the model from standard input, then compile other kernels that may be needed."""
+    """Run short computations with the model read from standard input, then compile other kernels that may be needed."""
     model = pickle.load(sys.stdin.buffer)
     threading.Thread(target=_end_with_the_other, daemon=True).start()
     compiling.SILENT = float("inf")

@@ -1,4 +1,4 @@
-"""Which figure shows which result: the one table that plotting and the command line read, free of Matplotlib."""
+"""The figures of each kind of result: the table that plotting and the command line read, without Matplotlib."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ KINDS = {
 
 
 def kinds_of(function: str, axes: int = 0) -> tuple[str, ...]:
-    """Return the kinds of figure that show what a public function returns, of a map that over so many axes.
+    """Return the kinds of figure that show the result of a public function; for a map, with this number of axes.
 
     Examples
     --------

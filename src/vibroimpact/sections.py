@@ -123,7 +123,7 @@ def simulate(
     Notes
     -----
     Flights are exact power series, and contacts are certified and found to rounding; errors grow along the orbit only
-    as perturbations of the motion do. Time: about 0.7 microseconds per impact, plus a third of a microsecond per
+    as fast as perturbations of the motion. Time: about 0.7 microseconds per impact, plus a third of a microsecond per
     sample.
 
     References

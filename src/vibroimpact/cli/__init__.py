@@ -120,7 +120,7 @@ def commands() -> Any:
         version: Annotated[bool, typer.Option("--version", help="Show the version.")] = False,
         wanted: Annotated[bool, typer.Option("-h", "--help", help="Show this page.")] = False,
     ) -> None:
-        """Impact oscillators: does yours settle, stick or go chaotic, and how hard does it hit.
+        """Whether an oscillator settles, sticks or goes chaotic, and how hard it hits.
 
         Seven numbers describe it, in SI units: mass m, damping c, stiffness k,
         driving amplitude f and frequency w, restitution r and gap g. Commands

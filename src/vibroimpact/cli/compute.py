@@ -153,7 +153,7 @@ def _with_index(options: Options) -> Study:
     o.TOLERANCE, o.WORKERS, o.OUT, o.PICTURE,
 )  # fmt: skip
 def basins(options: Options) -> None:
-    """Which attractors coexist, and which initial conditions lead to which.
+    """Which attractors coexist, and which initial conditions lead to each.
 
     Ctrl-C keeps what is finished.
 
@@ -168,7 +168,7 @@ def basins(options: Options) -> None:
     if set(axes) - {"phase", "velocity"} and "phase" in study.settings:
         axes["phase"] = study.settings["phase"]
     elif options["phase"] is not None:
-        raise WrongRequest("`--phase` goes with an axis of displacement; for impacts write --x phase=0:1:200")
+        raise WrongRequest("`--phase` needs an axis of displacement; for impacts write --x phase=0:1:200")
     if options["stop"] is not None:
         axes["stop"] = options["stop"]
     output.check(options, "basins")
@@ -241,7 +241,7 @@ def _call(function: str, study: Study, **more: Any) -> xr.Dataset:
 
 @with_options(o.MODEL, o.SEARCH, o.WORKERS, o.FULL, o.JSON)
 def describe(options: Options) -> None:
-    """What it does, how hard it hits, how far it is from another motion, and ways to soften the impacts.
+    """What a design does, how hard it hits, how far it is from another motion, and ways to soften the impacts.
 
     For example:
 
@@ -275,7 +275,7 @@ def describe(options: Options) -> None:
 
 @with_options(
     Option("first", "A.toml", "The study file of one design.", flags=(), required=True),
-    Option("second", "B.toml", "That of the other.", flags=(), required=True),
+    Option("second", "B.toml", "The study file of the other design.", flags=(), required=True),
     o.PARAMETERS, o.USER_MODEL, o.SEARCH, o.WORKERS, o.JSON, o.COMPARE_OUT, o.PICTURE,
 )  # fmt: skip
 def compare(options: Options) -> None:

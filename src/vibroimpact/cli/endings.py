@@ -1,4 +1,4 @@
-"""How a command ends early: its exit code, and one line that says why."""
+"""Early ends of commands: the exit code, and one line that gives the reason."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,13 +9,13 @@ FAILED, WRONG_REQUEST, INTERRUPTED = 1, 2, 130
 
 
 class Ended(Exception):
-    """A command ended early; the message says why, in one line."""
+    """A command ended early; the message gives the reason in one line."""
 
     code = FAILED
 
 
 class WrongRequest(Ended):
-    """The request cannot be carried out; nothing has been touched."""
+    """The request cannot be carried out; no file has been changed."""
 
     code = WRONG_REQUEST
 
@@ -32,7 +32,7 @@ REFUSALS = (FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectory
 
 @contextmanager
 def refusing(*errors: type[OSError]) -> Iterator[None]:
-    """Turn refused arguments, a missing extra, and these errors into a `WrongRequest`; anything else is a failure."""
+    """Convert refused arguments, missing extras and these errors into a `WrongRequest`; other errors are failures."""
     try:
         yield
     except MissingExtra as error:  # others are of a user's model, say

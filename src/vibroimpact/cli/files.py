@@ -1,4 +1,4 @@
-"""The commands that work on files, stored maps among them, and the one that opens the explorer."""
+"""The commands that work on files and stored maps, and the one that opens the explorer."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _understood(path: Path) -> Iterator[None]:
         if "`" in str(error) or str(error).startswith("unknown "):  # of an argument
             raise
         what = f"{type(error).__name__}: {error}"
-        raise OSError(f"{str(path)!r} is damaged, or no result of this package ({what}); make it again") from error
+        raise OSError(f"{str(path)!r} is damaged, or not a result of this package ({what}); make it again") from error
 
 
 @with_options(
@@ -136,11 +136,11 @@ def reproduce(options: Options) -> None:
     ),
     Option("port", "N", "Port to listen on; 0 is any free port. (default: the first free one from 5006)"),
     replace(o.USER_MODEL, help="What to show: a model of your own (its file is run), or a ready-made one.", panel=None),
-    Option("no_browser", "", "Print the address, and open nothing.", kind=FLAG),
+    Option("no_browser", "", "Print the address without opening the page.", kind=FLAG),
     Option("host", "ADDRESS", "Address to listen on, for access from the network. (default: 127.0.0.1)"),
 )  # fmt: skip
 def explore(options: Options) -> None:
-    r"""A page in the browser: turn the parameters, see the stability map, click a point, watch its motion.
+    r"""A page in the browser: change the parameters, see the stability map, click a point, watch its motion.
 
     Needs the extra \[web]. Nothing is loaded from outside; only this machine
     reaches the page unless --host is given. Ctrl-C ends it.
@@ -175,9 +175,9 @@ def explore(options: Options) -> None:
 
 @with_options(replace(o.CLUSTER, help="Compile on each machine of a Dask cluster: tcp://HOST:PORT of its scheduler."))
 def warm_up(options: Options) -> None:
-    """Compile all that is compiled at its first use, for an image, a cluster, or a first command that does not wait.
+    """Compile everything in advance, for a container image, a cluster, or a first command without a wait.
 
-    That takes one to three minutes, once on a machine, and again after an update.
+    This takes one to three minutes, once per machine and again after an update.
 
     For example:
 
@@ -198,7 +198,7 @@ def warm_up(options: Options) -> None:
 
 
 def is_store(options: Mapping[str, Any]) -> bool:
-    """Return whether a map goes to a store, tile by tile."""
+    """Return whether a map is written to a store, tile by tile."""
     return options["out"] is not None and options["out"].suffix.lower() == ".zarr"
 
 
@@ -216,7 +216,7 @@ def store_exists(options: Mapping[str, Any]) -> bool:
 
 
 def announce(out: Path) -> None:
-    """Show how far the existing store of the same study is."""
+    """Show the progress of the existing store of the same study."""
     store = _opened(out)
     if store is not None:
         rest = "nothing is left to compute" if store.is_complete() else "continuing"
@@ -225,7 +225,7 @@ def announce(out: Path) -> None:
 
 
 def place_for(options: Mapping[str, Any]) -> Path:
-    """Return the folder in which a map is stored tile by tile: beside the one it replaces in the end, where it may."""
+    """Return the folder in which a map is stored tile by tile: next to the store that it may replace in the end."""
     from vibroimpact.files import partial_name
 
     out: Path = options["out"]
@@ -235,7 +235,7 @@ def place_for(options: Mapping[str, Any]) -> Path:
 
 @contextmanager
 def replacing_store(place: Path, out: Path) -> Iterator[None]:
-    """Let a store at `place` replace that at `out` once it is whole; remove it where it fails before its first tile."""
+    """Replace the store at `out` by that at `place` once complete; remove it if it fails before its first tile."""
     from vibroimpact.files import replace_output, sweep_up
 
     sweep_up(out)
@@ -253,13 +253,13 @@ def replacing_store(place: Path, out: Path) -> Iterator[None]:
 
 
 def state_of(out: Path, seconds: float) -> str:
-    """Return in one line what a store holds after a run."""
+    """Return the content of a store after a run, in one line."""
     store = _opened(out)
     return f"{out}: {_progress(store)[0] if store else 'nothing'} ({duration(seconds)})"
 
 
 def sentences_of_store(path: Path) -> Iterator[str]:
-    """Yield what a stored map is, how far it is, what it found, and how to continue it."""
+    """Yield the description, progress and results of a stored map, and how to continue it."""
     with refusing(*REFUSALS, OSError):
         from vibroimpact.execution.store import SweepStore
         from vibroimpact.request import unmarked

@@ -1,4 +1,4 @@
-"""The command that lists the ready-made machines, and the parameters of one."""
+"""The command that lists the ready-made machines, or the parameters of one."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from vibroimpact.showing import aligned
 PAGE, PICTURES = "docs/guide/machines.md", "docs/images/machines"  # in the repository
 
 
-@with_options(Option("name", "NAME", "A machine, whose parameters are shown.", flags=(), kind=TEXT), o.JSON)
+@with_options(Option("name", "NAME", "The machine whose parameters are shown.", flags=(), kind=TEXT), o.JSON)
 def models(options: Options) -> None:
-    """The ready-made machines; of one, its parameters with their units, defaults and ranges.
+    """The ready-made machines, or the parameters of one with units, defaults and ranges.
 
     For example:
 

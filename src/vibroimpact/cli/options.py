@@ -1,4 +1,4 @@
-"""What an option of the command line is, a key of a study file too; and what was typed."""
+"""Options of the command line, which may also be keys of study files, and the values typed for them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TEXT, TEXTS, FLAG, PATH = str | None, list[str] | None, bool, Path | None
 
 
 def number(text: str) -> int | float | str:
-    """Return the number that a text stands for, or the text, for a check to refuse."""
+    """Return a text as a number, or unchanged if it is none, so that a check can refuse it."""
     for kind in (int, float):
         try:
             return kind(text)
@@ -28,7 +28,7 @@ def number(text: str) -> int | float | str:
 
 
 def numbers(flag: str, text: str, example: str, count: int = 0) -> tuple[int | float | str, ...]:
-    """Return the numbers of a comma-separated list; `count` is how many there must be, if that is known."""
+    """Return the numbers of a comma-separated list; `count` is the required length, if it is known."""
     parts = tuple(number(part.strip()) for part in text.split(","))
     if (count and len(parts) != count) or "" in parts:
         raise WrongRequest(f"`{flag}` must be {example}, got {text!r}; separate numbers by commas")
@@ -42,7 +42,7 @@ def words(text: str) -> list[str]:
 
 @dataclass(frozen=True)
 class Key:
-    """A number or a word of a request: a key of a table of study files.
+    """A value of a request: a key of a table of study files.
 
     `check` takes its name and its value and returns the value, or raises a `ValueError` that names it.
     """
@@ -55,11 +55,11 @@ class Key:
 
 @dataclass(frozen=True)
 class Option(Key):
-    """An option, or a positional argument, of a command; where it has a `table`, a key of study files, too.
+    """An option or a positional argument of a command; with a `table`, it is also a key of study files.
 
-    `name` is the keyword that commands and functions know it by, `flags` what is typed (made of the name unless
-    given; an empty tuple makes it a positional argument). `read` returns its value, or several keys of its table with
-    their values, from the text; without any it is `default`.
+    `name` is its keyword in commands and functions, and `flags` are the flags typed (by default made from the name; an
+    empty tuple makes it a positional argument). `read` converts the text to its value, or to several keys of its table
+    with their values; without a text, the value is `default`.
     """
 
     metavar: str = ""
@@ -79,7 +79,7 @@ class Option(Key):
 
     @property
     def parameter(self) -> Parameter:
-        """The parameter of a function that typer makes this option of."""
+        """The function parameter from which typer makes this option."""
         text = self.help if self.default is None else f"{self.help} (default: {self.default})"
         more: dict[str, Any] = {"help": text} | ({} if self.kind is FLAG else {"metavar": self.metavar})
         flags = self.typed
@@ -90,7 +90,7 @@ class Option(Key):
 
 
 class Options(Mapping[str, Any]):
-    """What was typed for the options that a command declares."""
+    """The texts typed for the options that a command declares."""
 
     def __init__(self, declared: tuple[Option, ...], typed: Mapping[str, Any]) -> None:
         self._declared, self._typed = {option.name: option for option in declared}, typed
@@ -109,7 +109,7 @@ class Options(Mapping[str, Any]):
         return Options(tuple(self._declared.values()), {**self._typed, **values})
 
     def value(self, name: str) -> Any:
-        """Return the value of an option: what was typed is read and checked; else its default."""
+        """Return the value of an option: the text typed, read and checked, or its default."""
         option, text = self._declared.get(name), self.get(name)
         if option is None or text is None:
             return option and option.default
@@ -137,7 +137,7 @@ class Options(Mapping[str, Any]):
 
 
 def with_options(*groups: Option | tuple[Option, ...]) -> Callable[[Callable[[Options], None]], Callable[..., None]]:
-    """Make a command of a function of `Options`: typer sees one parameter for each option listed."""
+    """Make a command from a function of `Options`: typer sees one parameter for each option listed."""
     declared = tuple(option for group in groups for option in (group if isinstance(group, tuple) else (group,)))
 
     def decorator(function: Callable[[Options], None]) -> Callable[..., None]:

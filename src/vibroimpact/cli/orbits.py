@@ -1,4 +1,4 @@
-"""The commands that find periodic orbits, and follow them and their boundaries."""
+"""The commands that find periodic orbits, and that follow orbits and their boundaries."""
 
 from __future__ import annotations
 
@@ -80,12 +80,14 @@ def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits[Any]:
         impact_is_state = study.model.at().forgets
         if not (names or symmetric):
             if near and not impact_is_state:
-                raise WrongRequest("`--near` of a system goes with `--stops`: a time in s for each of them")
+                raise WrongRequest("`--near` for a system needs `--stops`, and a time in s for each of them")
             start: Any = near and numbers("--near", near, "PHASE,VELOCITY such as 0.25,1.4", 2)
             return vibroimpact.find_orbit(study.model, **kind, near=start)
         if impact_is_state:
             flag = "--stops" if names else "--symmetric"
-            raise WrongRequest(f"`{flag}` goes with a system, and {study.model!s} has one stop; leave it out")
+            raise WrongRequest(
+                f"`{flag}` applies only to systems, and {study.model!s} is one mass with one stop; leave it out"
+            )
         if options["n_impacts"] is not None:
             raise WrongRequest("give either `--impacts` or the stops that are struck, not both")
         times: Any = near and numbers("--near", near, "times in s such as 0.1,0.3")
@@ -192,8 +194,8 @@ def _without_nan(value: Any) -> Any:
 def follow(options: Options) -> None:
     """Follow the orbits of one (n, p) type along a parameter, through folds; report where they change.
 
-    The orbits are searched for at -p; the range contains that value. Ctrl-C
-    keeps what is finished.
+    The orbits are searched for at -p; the range must contain that value.
+    Ctrl-C keeps what is finished.
 
     For example:
 
@@ -298,10 +300,10 @@ def _nothing(message: str, options: Options) -> NoReturn:
 def boundary(options: Options) -> None:
     """Exact curves in a plane of two parameters on which motions fold, double, graze or cease to stick.
 
-    What ends at the class boundaries of a coarse map of motions from rest is followed,
-    if it covers more than 1 % of the map, and orbits with one impact that cross a grid of lines.
+    Motions from rest that cover more than 1 % of a coarse map are followed to their ends,
+    and so are orbits with one impact that cross a grid of lines.
     With --periods: only period-n impact-1 orbits and period-n sticking, on these lines.
-    With --impacts: what the orbit at -p meets along --x.
+    With --impacts: the bifurcations of the orbit at -p along --x.
     Ctrl-C keeps what is finished.
 
     For example:

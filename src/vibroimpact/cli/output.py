@@ -36,7 +36,7 @@ def hand_on(dataset: xr.Dataset, options: Options, seconds: float, over: xr.Data
 
 
 def finish(dataset: xr.Dataset | None, options: Options, meter: Meter, over: xr.Dataset | None = None) -> None:
-    """Hand on a result, or what an interrupted command had finished, without replacing a complete result."""
+    """Write or print a result, or the finished part of an interrupted one, which never replaces a complete result."""
     from vibroimpact.files import partial_name
     from vibroimpact.status import Status
 
@@ -56,7 +56,7 @@ def finish(dataset: xr.Dataset | None, options: Options, meter: Meter, over: xr.
 
 
 def check(options: Options, function: str, indices: tuple[str, ...] = (), n_axes: int = 0) -> None:
-    """Refuse an output that could not be made, before anything is computed."""
+    """Refuse an output that cannot be made, before anything is computed."""
     check_looks(options, FIGURE_ENDINGS + FILM_ENDINGS * (function == "simulate"))
     out: Path | None = options["out"]
     if _is_film(out) and any(options.get(name) is not None for name in ("figure", "size", "dpi")):
@@ -79,7 +79,7 @@ def check(options: Options, function: str, indices: tuple[str, ...] = (), n_axes
 def check_looks(options: Options, endings: tuple[str, ...] = FIGURE_ENDINGS) -> None:
     """Refuse a place that cannot be written to, and invalid sizes and levels.
 
-    `endings` are those allowed besides the formats of data.
+    `endings` are the endings allowed in addition to the data formats.
     """
     for name in ("size", "dpi", "level"):
         options.value(name)
@@ -154,7 +154,7 @@ def write(dataset: xr.Dataset, options: Options, path: Path, over: xr.Dataset | 
 
 
 def draw(dataset: xr.Dataset, options: Options, over: xr.Dataset | None = None) -> Any:
-    """Return the Axes of the figure chosen, or of the one that suits the result."""
+    """Return the Axes of the figure chosen, or of the default figure of the result."""
     from vibroimpact import plotting
 
     if options.get("sweep") is not None:

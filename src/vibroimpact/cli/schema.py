@@ -1,4 +1,4 @@
-"""The schema of requests: every option and every key of a study file, once: its name, check, reading and help."""
+"""The schema of requests: name, check, conversion and help of every option and every key of a study file."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _level(name: str, value: Any) -> float:
 
 
 def parse_parameters(texts: list[str]) -> dict[str, Any]:
-    """Return the entries of `-p NAME=VALUE`; where a name is repeated the last one wins."""
+    """Return the entries of `-p NAME=VALUE`; if a name is repeated, the last entry wins."""
     entries: dict[str, Any] = {}
     for text in texts:
         name, sign, value = (part.strip() for part in text.partition("="))
@@ -82,7 +82,7 @@ def parse_parameters(texts: list[str]) -> dict[str, Any]:
 
 
 def parse_axis(flag: str, text: str, form: str, example: str) -> dict[str, Any]:
-    """Return the entry of `NAME=FROM:TO:POINTS`; the points may be left out where `form` has none."""
+    """Return the entry of `NAME=FROM:TO:POINTS`; the points may be left out if `form` has none."""
     name, _, values = (part.strip() for part in text.partition("="))
     parts = values.split(":")
     if not name or len(parts) not in ((3,) if form.endswith("POINTS") else (2, 3)):
@@ -182,30 +182,30 @@ START_Y = _axis(
 # Sampling
 
 _sampling = partial(Option, panel="Sampling", table="sampling", check=_field_of(Sampling))
-TRANSIENT_IMPACTS = _sampling("transient_impacts", "N", "Impacts discarded first.", default=Sampling.transient_impacts)
-SAMPLE_IMPACTS = _sampling("sample_impacts", "N", "Impacts kept after that.", default=Sampling.sample_impacts)
-BASIN_IMPACTS = _sampling("sample_impacts", "N", "Impacts kept, in the first of three rounds.", default=500)
+TRANSIENT_IMPACTS = _sampling("transient_impacts", "N", "Impacts to skip first.", default=Sampling.transient_impacts)
+SAMPLE_IMPACTS = _sampling("sample_impacts", "N", "Impacts to keep after that.", default=Sampling.sample_impacts)
+BASIN_IMPACTS = _sampling("sample_impacts", "N", "Impacts to keep in the first of three rounds.", default=500)
 PHASE = _sampling(
     "phase", "PHI", "Phase of the stroboscopic section, from 0 to below 1.", default=0, check=phase_number
 )
 IMPACTS = (TRANSIENT_IMPACTS, SAMPLE_IMPACTS)
 PERIODS = (
-    _sampling("transient_periods", "N", "Driving periods discarded first.", default=Sampling.transient_periods),
-    _sampling("sample_periods", "N", "Driving periods kept after that.", default=Sampling.sample_periods),
+    _sampling("transient_periods", "N", "Driving periods to skip first.", default=Sampling.transient_periods),
+    _sampling("sample_periods", "N", "Driving periods to keep after that.", default=Sampling.sample_periods),
     PHASE,
 )
 DURATION = (
     _sampling("periods", "N", "Driving periods to compute.", default=20, check=positive_number),
-    _sampling("skip_periods", "N", "Driving periods that pass before.", default=0, check=_whole(0)),
+    _sampling("skip_periods", "N", "Driving periods to skip first.", default=0, check=_whole(0)),
     _sampling("samples_per_period", "N", "Samples per driving period.", default=200, check=_whole(1)),
 )
 OTHERS = replace(
     START, help="For systems: the coordinates that no axis varies, and the time: Q,Q:V,V:T. (default: at rest)"
 )
 ON_STOP = Option(
-    "stop", "NAME", "For systems: the stop that the impacts strike; the only one need not be named.", "Axes"
+    "stop", "NAME", "For systems: the stop that the impacts strike; needed only with several stops.", "Axes"
 )
-START_PHASE = Option("phase", "PHI", "Phase of states, with displacement.", "Axes", default=0, table="sampling")
+START_PHASE = Option("phase", "PHI", "Phase of states, for displacement axes.", "Axes", default=0, table="sampling")
 
 # How it is computed
 
@@ -213,7 +213,7 @@ _how = partial(Option, panel="How to compute")
 BACKEND = _how(
     "backend",
     "NAME",
-    "What computes, such as cuda (GPU), reference (slow witness) or fixed-step (the paper's).",
+    "Engine: cpu, cuda (GPU), reference (slow cross-check) or fixed-step (the paper's scheme).",
     default="cpu",
     table="run",
     check=_backend,
@@ -233,13 +233,13 @@ TOLERANCE = _how(
 WORKERS = _how("workers", "N", "Threads. (default: all cores)", table="run", check=_whole(1))
 ENGINE = (BACKEND, TIME_STEP, TOLERANCE)
 EVERY_IMPACT = _how(
-    "early_closing", "", "Compute every impact, even where a closed cycle gives the rest.", table="run",
+    "early_closing", "", "Compute every impact, even if a closed cycle determines the rest.", table="run",
     flags=("--every-impact",), kind=FLAG, read=lambda given: not given, check=_flag,
 )  # fmt: skip
 BY_STOP = _how(
     "by_stop",
     "",
-    "For systems: indices stop by stop.",
+    "For systems: give the indices for each stop.",
     table="run",
     flags=("--by-stop",),
     kind=FLAG,
@@ -250,12 +250,12 @@ CLUSTER = _how(
     "cluster", "WHERE", "Compute on a Dask cluster: tcp://HOST:PORT of its scheduler, or local:N processes here.",
     read=str,
 )  # fmt: skip
-TILE = _how("tile", "N", "Cells per tile in a store or on a cluster, roughly. (default: 4096; 4 with slow back ends)")
+TILE = _how("tile", "N", "Cells per tile of a store or cluster, about. (default: 4096; 4 with slow back ends)")
 REFINE = _how("refine", "L", "Halve the intervals of both axes L times, and compute only where the motion changes.")
 STEP = _how(
     "step", "X", "Longest step along a curve, as a fraction of the ranges and of a driving period.", default=0.01
 )
-LINES = _how("lines", "N", "Lines across the plane, each way, to search for boundaries on.", default=5)
+LINES = _how("lines", "N", "Lines in each direction of the plane to search for boundaries.", default=5)
 DOUBLINGS = _how(
     "doublings", "N", "Number of period doublings to follow into the doubled orbits.", check=_whole(0), default=0
 )
@@ -272,7 +272,7 @@ def _names(text: str) -> list[str]:
 INDICES = _what(
     "indices", "NAMES",
     f"Comma-separated: {', '.join(indices.INDICES)}; or all; for systems {', '.join(indices.FORCES)}. "
-    "(default: std; of a diagram: none)", table="run", read=_names, check=_indices,
+    "(default: std; for a diagram: none)", table="run", read=_names, check=_indices,
 )  # fmt: skip
 _SECTIONS = (
     "impact: velocity and phase of impacts; stroboscopic: displacement and velocity once per driving period. "
@@ -290,17 +290,17 @@ COORDINATE = _what(
 )
 DIRECTION = _what(
     "direction", "WAY",
-    "fresh: each value from the same initial conditions; up, down: each from where its neighbour ended. (default: "
-    "fresh)",
+    "fresh: each value from the same initial conditions; up, down: each from the final state of its "
+    "neighbour. (default: fresh)",
     table="run", check=_one_of("fresh", "up", "down"),
 )  # fmt: skip
 VARY = _what(
     "vary",
     "NAMES",
-    "Comma-separated: parameters varied in search of boundaries and remedies. (default: all)",
+    "Comma-separated: parameters varied in search of boundaries and advice. (default: all)",
     read=words,
 )
-WITHIN = _what("within", "X", "How far: from value/(1+X) to value*(1+X).", default=3)
+WITHIN = _what("within", "X", "Range of each parameter: from value/(1+X) to value*(1+X).", default=3)
 SEARCH = (VARY, WITHIN)
 
 _orbit = partial(Option, panel="Which orbits")
@@ -328,12 +328,10 @@ STRUCK = (
     _orbit(
         "stops",
         "NAMES",
-        "For systems: comma-separated, the stops struck in turn; with several, --near is T,T in s.",
+        "For systems: comma-separated names of the stops struck in turn; with several, --near gives times T,T in s.",
         read=words,
     ),
-    _orbit(
-        "symmetric", "", "For systems: motions that are mirrored after half a cycle, whose stops these are.", kind=FLAG
-    ),
+    _orbit("symmetric", "", "For systems: motions mirrored after half a cycle; --stops lists one half.", kind=FLAG),
 )
 
 # Where the result goes
@@ -360,7 +358,7 @@ PICTURE = (
 FIGURE = _output("figure", "KIND", "Kind of figure, as for `vibroimpact plot --kind`.")
 FIGURE_KIND = _output(
     "figure", "KIND",
-    f"{', '.join(figures.KINDS)}. (default: what suits the result)",
+    f"{', '.join(figures.KINDS)}. (default: the one that suits the result)",
     flags=("--kind",),
 )  # fmt: skip
 SHOWN = (

@@ -72,12 +72,12 @@ class Study:
         return f"{getattr(self.model, '__name__', type(self.model).__name__)}: {', '.join(numbers)}"
 
     def announce(self) -> None:
-        """Say which model and numbers are used, once nothing of the request is refused any more."""
+        """Print the model and the numbers used, once the whole request has been accepted."""
         warning = [f"vibroimpact: {self.warning}"] if self.warning else []
         print(self, *warning, sep="\n", file=sys.stderr, flush=True)
 
     def arguments(self, function: str) -> dict[str, Any]:
-        """Return the study's arguments of a public function, axes left out: a function takes those that concern it."""
+        """Return the arguments of a public function from the study, without axes; others are left out."""
         import vibroimpact
 
         accepted = inspect.signature(getattr(vibroimpact, function)).parameters
@@ -88,7 +88,7 @@ class Study:
 
 
 def study_of(options: Options, file: Path | None = None) -> Study:
-    """Return the request that the options of a command make, together with a study file if there is one."""
+    """Return the request that the options of a command and a study file, if there is one, make together."""
     path, changes, model = file or options.get("study"), options.changes(), options.get("model")
     with refusing(OSError):
         document = {} if path is None else _load(path)
@@ -119,7 +119,7 @@ def _load(path: Path) -> dict[str, Any]:
             curved = re.search(r"=\s*[“”‘’„«»]", text)
             straight = '; write straight quotation marks: "' if curved else ""
             raise ValueError(f"`study` {str(path)!r} is invalid TOML: {error}{straight}") from error
-        raise ValueError(f"`study` {str(path)!r} is no study file (TOML); {_instead_of(path)}") from error
+        raise ValueError(f"`study` {str(path)!r} is not a study file (TOML); {_instead_of(path)}") from error
     except RecursionError:
         raise ValueError(f"`study` {str(path)!r} is invalid TOML: its values are nested too deeply") from None
     if not document:  # the paper's numbers would be taken for those of the file
@@ -156,10 +156,10 @@ def _instead_of(path: Path) -> str:
 def make_study(
     document: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]] | None = None, *, dotted: bool = False
 ) -> Study:
-    """Return the request that the tables of a study file hold, or raise one `ValueError` with a line for each error.
+    """Return the request in the tables of a study file, or raise one `ValueError` with a line for each error.
 
-    The tables of `changes` complete or replace values of `document`; axes in them replace all of its axes. Errors name
-    a key with its table if `dotted` (`oscillator.mass`), else alone (`mass`).
+    The tables of `changes` complete or replace values of `document`; axes in them replace all of its axes. If `dotted`,
+    errors name a key with its table (`oscillator.mass`), otherwise without it (`mass`).
 
     Examples
     --------
@@ -211,7 +211,7 @@ class _Reader:
         self.dotted, self.faults = dotted, []  # type: bool, list[str]
 
     def tables(self, document: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
-        """Return every table, empty where there is none."""
+        """Return every table; missing ones are empty."""
         tables: dict[str, Mapping[str, Any]] = {name: {} for name in ("oscillator", "axes", *TABLES)}
         for name, value in document.items():
             if name not in (*tables, "model"):
@@ -230,7 +230,7 @@ class _Reader:
         file: Mapping[str, Any],
         typed: Mapping[str, Any],
     ) -> dict[str, Any]:
-        """Return checked values by parameter; of those typed the last one wins, and replaces what a file has."""
+        """Return checked values by parameter; the last one typed wins, and replaces the value in a file."""
         parameters = model.parameters
         replaced = {name_of(model, key) for key in typed}
         replaced |= {parameters[name].replaces or name for name in replaced & set(parameters)}
@@ -270,7 +270,7 @@ class _Reader:
         self.faults.append(str(unknown(f"key in [{table}]" if self.dotted else "parameter", key, choices)))
 
     def check(self, table: str, key: str, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Return the value that a check makes of a value; its complaints then name the key as it was written."""
+        """Return the value that a check returns; its errors name the key as it was written."""
         try:
             return function(*arguments)
         except ValueError as error:
@@ -283,7 +283,7 @@ class _Reader:
 
 
 def name_of(model: Model, key: str) -> str:
-    """Return the name of a parameter for its name or symbol; what is unknown stays as it is."""
+    """Return the name of a parameter from its name or symbol; unknown names are returned unchanged."""
     symbols = {parameter.symbol: name for name, parameter in model.parameters.items()}
     return key if key in model.parameters else symbols.get(key, key)
 
@@ -343,7 +343,7 @@ def span_values(parameter: Parameter, span: Mapping[str, Any], least: int = 1) -
 
 
 def mixed_units_warning(names: set[str]) -> str:
-    """Return a warning where numbers in SI stand beside numbers of the paper, which are dimensionless."""
+    """Return a warning if numbers in SI units are combined with dimensionless numbers of the paper."""
     table, usual = ImpactOscillator.parameters, ImpactOscillator()
     names = {table[name].replaces or name for name in names}
     defaults = [name for name in ("mass", "damping", "stiffness", "amplitude", "omega") if name not in names]

@@ -1,4 +1,4 @@
-"""Motions that coexist: which attractors an oscillator has, and which initial conditions lead to which."""
+"""Motions that coexist: which attractors an oscillator has, and which initial conditions lead to each."""
 
 from vibroimpact.coexistence.attractor import Attractor
 from vibroimpact.coexistence.search import attractors, basins

@@ -1,4 +1,4 @@
-"""Attractors: what a result holds of one, and which initial conditions lead to which."""
+"""Attractors: the properties of each in a result, and the initial conditions that lead to it."""
 
 from __future__ import annotations
 

@@ -150,7 +150,7 @@ class Runner:
     def __init__(self, backend: str = "cpu", tolerances: Tolerances | None = None, workers: int | None = None) -> None:
         self.engine = get_backend(backend)
         if not self.engine.known_indices.issuperset(IDENTIFYING):
-            raise invalid("backend", backend, "one that gives n and p of cycles")
+            raise invalid("backend", backend, "one that computes n_periods and n_impacts")
         self.tolerances = Tolerances.of(tolerances)
         self.workers = worker_count(workers)
         self.stop = Event()

@@ -142,7 +142,7 @@ def _number_of(names: Sequence[str], stop: str | None, struck: bool) -> int:
     """Return the number of the stop that is struck; the only one need not be named."""
     if not struck:
         if stop is not None:
-            raise ValueError("`stop` goes with the axes (phase, velocity); leave it out")
+            raise ValueError("`stop` applies only to the axes (phase, velocity); leave it out")
         return 0
     if stop is None and len(names) != 1:
         raise ValueError(f"`stop` must name the stop that is struck: {', '.join(names) or 'this system has none'}")

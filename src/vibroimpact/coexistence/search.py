@@ -1,4 +1,4 @@
-"""The attractors of an oscillator, and their basins: which initial conditions lead to which."""
+"""The attractors of an oscillator, and their basins: which initial conditions lead to each."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def check_taken(model: Any, runner: Runner) -> None:
     """Refuse a model without stops, and a model that the back end does not support."""
     check_takes(runner.engine, model)
     if not model.forgets and isinstance(runner.engine, OfOneMass):
-        raise ValueError(f"`backend` {runner.engine.name!r} does not tell motions of systems apart; leave it out")
+        raise ValueError(f"`backend` {runner.engine.name!r} cannot distinguish the motions of systems; leave it out")
     if not model.stops:
         raise ValueError(f"`osc` must have a stop, got {model!s}: without one there is a single motion, the steady one")
 

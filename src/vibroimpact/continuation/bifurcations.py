@@ -1,4 +1,4 @@
-"""Exact location of the bifurcations between two points of a branch, and switching to the branch born at one.
+"""Exact location of the bifurcations between two points of a branch, and switching to the branch born at a bifurcation.
 
 Test functions along a branch change sign at folds, period doublings and grazes. `switch_branch` leads from a period
 doubling to the doubled orbit that is born there.

@@ -89,7 +89,9 @@ class SweepStore:
         for name, array in self._arrays.items():
             further = array.shape[len(self.tiling.tile) :]  # further dimensions are not cut
             if (array.shape, array.chunks) != ((*self.tiling.shape, *further), (*self.tiling.tile, *further)):
-                raise ValueError(f"{str(self.path / self.arrays[name] / DESCRIPTION)!r} has other tiles than the store")
+                raise ValueError(
+                    f"{str(self.path / self.arrays[name] / DESCRIPTION)!r} differs from the store in its tiles"
+                )
         self._needed = self._rows.attrs.get(NEEDED, 0)
         if not all(self.shape) or self._rows.shape != (len(self.tiling), COLUMNS) or type(self._needed) is not int:
             raise ValueError(f"{str(self.path / RECORDS / DESCRIPTION)!r} does not fit the tiles of the store")

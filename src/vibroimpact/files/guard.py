@@ -1,7 +1,7 @@
 """Reading files from unknown sources: from a store, only what this package writes, in the declared sizes.
 
-A chunk of a few kilobytes may decode to gigabytes, or be a pipe or a link to a device; a description may hold anything.
-A NetCDF file is read by HDF5, which unpacks whatever its chunks declare.
+A chunk of a few kilobytes may decode to gigabytes, or be a pipe or a link to a device; a description may contain
+anything. A NetCDF file is read by HDF5, which unpacks whatever its chunks declare.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ def scale_of(model: Model, name: str, value: float) -> Scale:
 
 
 def is_own_scale(model: Model, name: str, value: float) -> bool:
-    """Return whether changes are relative to the value itself; not so for the gap of one mass, which may be 0."""
+    """Return whether changes are relative to the value itself; they are not for the gap of one mass, which may be 0."""
     return value > 0.0 and name not in getattr(model, "offsets", ())  # families have none
 
 

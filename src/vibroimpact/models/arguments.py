@@ -1,4 +1,4 @@
-"""The numbers that ready-made models take: one table of names, units and ranges for all of them."""
+"""The arguments of ready-made models: one table of names, units and ranges for all of them."""
 
 from __future__ import annotations
 

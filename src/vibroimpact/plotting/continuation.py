@@ -63,7 +63,7 @@ def _datasets(argument: str, value: Any, variable: str, allowed: str, makers: st
         if not isinstance(dataset, xr.Dataset) or variable not in dataset or not _along(dataset):
             raise labels.refused(argument, dataset, allowed, f"pass what {makers} returns")
     if not datasets:
-        raise ValueError(f"`{argument}` must hold at least one of {allowed}, got none; pass what {makers} returns")
+        raise ValueError(f"`{argument}` must hold at least one result of {makers}, got none")
     return datasets
 
 

@@ -82,8 +82,8 @@ def stroboscopic_map(
 
     Notes
     -----
-    Samples that agree to 1e-6 of the size of the motion are drawn as one point and counted in the legend. For a
-    periodic orbit, an axis spans at least a tenth of that size; a smaller range would show only rounding.
+    Samples that agree to 1e-6 of the size of the motion are drawn as one point; the legend gives the number of points.
+    For a periodic orbit, an axis spans at least a tenth of that size; a smaller range would show only rounding.
 
     References
     ----------
@@ -156,7 +156,7 @@ def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     Notes
     -----
     The axes cover the whole period and velocities from zero, so that maps can be compared. Impacts that agree to 1e-6
-    (of the period and of the largest velocity) are drawn as one point and counted in the legend.
+    (of the period and of the largest velocity) are drawn as one point; the legend gives the number of points.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Measurements that several statements need: public calls on the paper's oscillator, each made once."""
+"""Measurements for several statements: calls of public functions on the paper's oscillator, each made once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The written rules that turn numbers into verdicts, independent of the paper and of the engine."""
+"""The rules that turn numbers into verdicts, independent of the paper and of the engine."""
 
 from __future__ import annotations
 
