@@ -437,7 +437,7 @@ GRID = {"phase": [0.1, 0.2], "velocity": [0.5, 1.0]}
         ),
         (
             {"displacement": [-1.0, 0.5], "velocity": [0.0, 1.0]},
-            "the axes must stay before all stops, but displacement = 0.5 and velocity = 0 lies beyond 'stop' by 0.5 m",
+            "the axes must stay in front of all stops, but displacement = 0.5 and velocity = 0 lies beyond 'stop' by",
         ),
         (
             {"displacement": [-1.0, 0.0], "velocity": [0.0], "phase": 1.0},

@@ -225,7 +225,7 @@ def wait_for_others() -> None:
 
 
 class _Watched:
-    """A stream of the terminal, as it is but for the pulse that makes way for what is written."""
+    """A stream of the terminal that removes the temporary line before anything is written to it."""
 
     def __init__(self, stream: TextIO, pulse: Pulse) -> None:
         self._stream, self._pulse = stream, pulse

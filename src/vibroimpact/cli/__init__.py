@@ -61,7 +61,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _refusal(error: Any) -> str:
-    """Return what typer refused, and what to type instead."""
+    """Return typer's error, and what to type instead."""
     name = str(getattr(error, "option_name", "")).lstrip("-").replace("-", "_")
     parameter = next((each.name for each in OF_ONE_MASS.values() if name and name in (each.name, each.symbol)), "")
     if parameter:

@@ -197,7 +197,7 @@ def _initial_conditions(study: Study, options: Options) -> dict[str, Any]:
 
 
 def _sweep(function: str, meter: Meter, study: Study, options: Options, **more: Any) -> None:
-    """Compute many cells in memory, showing the progress, and hand on what was finished."""
+    """Compute many cells in memory, show the progress, and write or print the finished part."""
     with meter, refusing():
         dataset = _call(function, study, progress=meter, **more)
     output.finish(dataset, options, meter)
@@ -322,7 +322,7 @@ def compare(options: Options) -> None:
 
 
 def _search(study: Study, options: Options) -> dict[str, Any]:
-    """Return which parameters a verdict varies, and how far."""
+    """Return the parameters that a verdict varies, and their range."""
     chosen = options.given("within")
     if options["vary"] is not None:
         chosen["parameters"] = [name_of(study.model, name) for name in options.value("vary")]

@@ -71,7 +71,7 @@ def _summarise(file: Path, *, shown: bool = True) -> xr.Dataset:
 
 @contextmanager
 def _understood(path: Path) -> Iterator[None]:
-    """Say of a file that can be read, but lacks what its kind of result has, that it is damaged."""
+    """Report a file as damaged if it can be read but lacks the content of its kind of result."""
     try:
         yield
     except (LookupError, TypeError, AttributeError, ArithmeticError, ValueError) as error:
@@ -289,7 +289,7 @@ def sentences_of_store(path: Path) -> Iterator[str]:
 def _command_of(store: SweepStore) -> str:
     """Return the command that made a store, quoted for a shell.
 
-    It is empty where a script made the store, or where what the store holds is no such command.
+    It is empty if a script made the store, or if the store holds no such command.
     """
     try:
         words = [word for word in shlex.split(store.command) if word != "--overwrite"]

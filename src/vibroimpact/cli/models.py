@@ -42,7 +42,7 @@ def models(options: Options) -> None:
 
 
 def _summary(name: str) -> str:
-    """Return what a machine is, in a line: the first one of its docstring."""
+    """Return the description of a machine in one line, the first of its docstring."""
     from vibroimpact import models as ready
 
     first = (inspect.getdoc(getattr(ready, name)) or "").partition("\n")[0]

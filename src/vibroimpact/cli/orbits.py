@@ -283,7 +283,7 @@ def _ranges(study: Study, count: int, *, contain: bool = True) -> dict[str, Rang
 
 
 def _nothing(message: str, options: Options) -> NoReturn:
-    """End a command that found nothing: a failure only where a file was to be written."""
+    """End a command that found nothing: a failure only if a file was to be written."""
     if options["out"] is not None:
         raise Ended(f"{message}; nothing was written")
     typer.echo(message)
@@ -330,7 +330,7 @@ def boundary(options: Options) -> None:
 
 
 def _bundled(curves: Boundaries, study: Study, box: Mapping[str, Range]) -> xr.Dataset:
-    """Return all curves as one dataset; of the many impacts of a chatter only the first."""
+    """Return all curves as one dataset, with only the first impact of a chatter."""
     from vibroimpact.dataset import bundle, provenance
 
     parts = [curve.dataset for curve in curves]
@@ -341,7 +341,7 @@ def _bundled(curves: Boundaries, study: Study, box: Mapping[str, Range]) -> xr.D
 
 
 def _all(study: Study, box: Mapping[str, Range], kinds: tuple[str, ...], options: Options, meter: Meter) -> Boundaries:
-    """Return the curves of what a coarse map shows, or, with --periods, of orbits with one impact and of sticking."""
+    """Return the curves of motions on a coarse map or, with --periods, of orbits with one impact and of sticking."""
     import vibroimpact
 
     more = options.given("lines", "step")
@@ -354,7 +354,7 @@ def _all(study: Study, box: Mapping[str, Range], kinds: tuple[str, ...], options
 def _of_orbits(
     study: Study, box: Mapping[str, Range], kinds: tuple[str, ...], options: Options, meter: Meter
 ) -> Boundaries:
-    """Return the boundaries that the orbits at the model itself meet along the first parameter."""
+    """Return the boundaries that the orbits at the model's own values meet along the first parameter."""
     from vibroimpact.continuation import curves_through
     from vibroimpact.motion import listed
 

@@ -190,12 +190,12 @@ def draw(dataset: xr.Dataset, options: Options, over: xr.Dataset | None = None) 
 
 
 def _kind_for(index: str | None, usual: str) -> str:
-    """Return the figure of an index over two axes: exponents and types of motion have their own."""
+    """Return the figure of an index over two axes; exponents and types of motion have figures of their own."""
     return usual if index is None or usual not in ("index-contour", "exponent-map") else kind_of_index(index)
 
 
 def _beneath_boundaries(over: xr.Dataset, index: str) -> dict[str, Any]:
-    """Return what draws a map beneath boundaries: types of motion, exponents, or contours of an index."""
+    """Return the function that draws a map beneath boundaries: types of motion, exponents, or contours of an index."""
     from vibroimpact import plotting
 
     kind = kind_of_index(index)

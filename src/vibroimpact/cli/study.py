@@ -129,7 +129,7 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 def _instead_of(path: Path) -> str:
-    """Return what was probably meant by what was typed in place of a study file."""
+    """Return what was probably meant by the text typed in place of a study file."""
     text, ending = str(path), path.suffix.lower()
     if "=" in text:
         flag = "--x" if ":" in text else "-p"
@@ -205,7 +205,7 @@ def make_study(
 
 
 class _Reader:
-    """Checks entry by entry and collects what is wrong, so that all of it is reported at once."""
+    """Checks entry by entry and collects the errors, so that all of them are reported at once."""
 
     def __init__(self, dotted: bool) -> None:
         self.dotted, self.faults = dotted, []  # type: bool, list[str]

@@ -202,7 +202,7 @@ def match(runner: Runner, settled: Settled, longest: ImpactWindow, counted: int)
 
 
 def _reached(basin: Basin, settled: Settled, counted: int) -> Attractor:
-    """Return the attractor with the share of initial conditions that lead to it, and how slowly they do."""
+    """Return the attractor with the share of initial conditions that lead to it, and the longest transient."""
     members = basin.members
     return replace(
         basin.attractor,

@@ -58,7 +58,7 @@ class Plane:
             row, stop = np.argwhere(over)[0].tolist()
             where = " and ".join(f"{name} = {values[row]:.6g}" for name, values in columns.items())
             raise ValueError(
-                f"the axes must stay before all stops, but {where} lies beyond {self.model.stop_names[stop]!r} by "
+                f"the axes must stay in front of all stops, but {where} lies beyond {self.model.stop_names[stop]!r} by "
                 f"{over[row, stop]:.3g} m; narrow them, or change `start`"
             )
         return cells
@@ -139,7 +139,7 @@ def _pairs(n: int) -> str:
 
 
 def _number_of(names: Sequence[str], stop: str | None, struck: bool) -> int:
-    """Return the number of the stop that is struck; the only one need not be named."""
+    """Return the number of the stop that is struck; it may be omitted if there is only one."""
     if not struck:
         if stop is not None:
             raise ValueError("`stop` applies only to the axes (phase, velocity); leave it out")
@@ -158,7 +158,7 @@ def _coordinates(names: Sequence[str], struck: bool) -> dict[str, Parameter]:
 
 
 def _numbers(start: State, n: int) -> tuple[Floats, Floats, float]:
-    """Return coordinates and velocities of a start that need not lie before the stops."""
+    """Return coordinates and velocities of an initial condition, which may lie beyond stops."""
     q, speed = (np.array(part, np.float64, ndmin=1) for part in (start.displacement, start.velocity))
     if len(q) != n:
         raise invalid("start", start, f"a State of {n} coordinates")

@@ -313,7 +313,7 @@ def _matched(
     so_far: Callable[[Settled], Any],
     outlook: Callable[[Settled, ImpactWindow], MotionClass],
 ) -> tuple[Settled, list[Basin]]:
-    """Return what each cell settles to, and the attractors, reporting to `tell`, which may stop it.
+    """Return the motion that each cell settles to, and the attractors; `tell` gets the progress and may stop it.
 
     The last initial condition is decided when the attractors are known.
     """

@@ -300,8 +300,8 @@ def attracting_kinds(osc: Design, outcome: Outcome, kept: int) -> NDArray[np.int
 
 
 def _loads(osc: Design) -> tuple[bool, bool, bool]:
-    """Return whether anything drives a model, whether all its free motion decays, and whether its rest is a contact;
-    all but what happens to a free centre.
+    """Return whether a model is driven, whether all its free motion decays, and whether its rest is a contact;
+    a free centre is not counted.
     """
     form = osc.modal()
     n, zero, felt = len(form.squares), np.zeros_like(form.damping), ~form.neutral.ravel()

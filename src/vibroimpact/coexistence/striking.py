@@ -72,7 +72,7 @@ class SettledMotion:
 
     @cached_property
     def _boxes(self) -> tuple[NDArray[np.complex128], float]:
-        """The boxes that it visits, and how often it must come to them: half as often as it returns itself."""
+        """The boxes that it visits, and how often another motion must visit them: half as often as this one."""
         own, half = self._boxes_of(self.phases, self.velocities, self.stops), len(self.stops) // 2
         return own, SHARED * float(np.isin(own[half:], own[:half]).mean())
 
@@ -137,7 +137,7 @@ def _distinct(
     lead: Callable[[Counts, int, SettledMotion], NDArray[np.bool_]],
     same: Callable[[SettledMotion, SettledMotion], bool],
 ) -> Iterator[tuple[int, SettledMotion, Counts]]:
-    """Follow one initial condition after the other, until it is known of all which motion they lead to."""
+    """Follow one initial condition after another, until the motion that each leads to is known."""
     distinct: list[tuple[int, SettledMotion, list[Counts]]] = []
     for remaining in groups:
         while remaining.size:
@@ -156,7 +156,7 @@ def _distinct(
 
 
 def _members(settled: Settled, candidates: Counts, at: int, cycle: SettledMotion) -> NDArray[np.bool_]:
-    """Return which initial conditions lead to a cycle, by the first impact of their window and by its means."""
+    """Return which initial conditions lead to a cycle, from the first impact and the means of their window."""
     columns = {name: column[candidates] for name, column in settled.indices.items()}
     fastest, most, p = cycle.velocities.max(), cycle.tolerance, len(cycle.velocities)
     number, repeats = (settled.indices[name][at] for name in ("n_periods", "n_impacts"))
@@ -243,7 +243,7 @@ def sample(runner: Runner, settled: Settled, at: int, window: ImpactWindow) -> S
 
 
 def _sticking(runner: Runner, settled: Settled, at: int) -> SettledMotion:
-    """Return how one mass moves that rests at its stop: every release is the same state, sin = k g / f falling."""
+    """Return the motion of one mass that rests at its stop: every release is the same state, sin = k g / f falling."""
     osc, n = settled.osc, settled[at].n_periods
     motion = _turn(runner, settled, at, n) if n else _turns(runner, settled, at)
     return replace(motion, start=State(osc.gap, 0.0, release_phase(*osc.cells({})) * osc.period), exponent=-math.inf)
@@ -259,9 +259,9 @@ def _turn(runner: Runner, settled: Settled, at: int, n: int) -> SettledMotion:
 
 
 def _turns(runner: Runner, settled: Settled, at: int) -> SettledMotion:
-    """Return the impacts of intermittent sticking from moved releases to the next rest.
+    """Return the impacts of intermittent sticking from perturbed releases to the next rest.
 
-    One turn from the exact release would be an accident of rounding.
+    From the exact release, rounding would determine the impacts.
     """
     osc, phases, velocities, periods = settled.osc, [], [], 0.0
     for samples in runner.samples(released(osc.cells({})), ImpactWindow(0, WANDERING)):
@@ -282,13 +282,13 @@ def sampled(runner: Runner, settled: Settled, at: int, window: ImpactWindow | St
 
 
 def _state_of(cell: Any, time: float) -> State:
-    """Return the state in which a cell starts."""
+    """Return the initial state of a cell."""
     shapes = cell.shapes[0]
     return State(shapes @ cell.block("eta")[0], shapes @ cell.block("rate")[0], time)
 
 
 def _hardest(speeds: Floats, stops: Counts) -> int:
-    """Return the hardest impact, of those as hard the one on the first stop."""
+    """Return the hardest impact; of equally hard ones, the one on the first stop."""
     tied = np.flatnonzero(speeds >= (1.0 - EQUAL) * speeds.max())
     return int(tied[stops[tied].argmin()])
 
@@ -315,7 +315,7 @@ def solved(model: Model, n: int, stops: Counts, turns: Floats, speeds: Floats, e
 
 
 def _by_derivative(orbit: SystemOrbit) -> float:
-    """Return the distance from a cycle within which a motion comes back within 1e-7 V."""
+    """Return the distance from a cycle within which a motion returns to within 1e-7 V."""
     cycle, unknown = cycle_of(orbit)
     jacobian = cycle.monodromy(unknown)
     smallest = float(np.linalg.svd(np.eye(len(jacobian)) - jacobian, compute_uv=False)[-1])
@@ -323,6 +323,6 @@ def _by_derivative(orbit: SystemOrbit) -> float:
 
 
 def _by_growth(growth: float) -> float:
-    """Return the same of a cycle that is not solved for, by the logarithm of its largest multiplier."""
+    """Return the same for a cycle that is not solved for, from the logarithm of its largest multiplier."""
     decay = -math.expm1(min(growth, -SAME))
     return min(SAME / decay, FARTHEST)

@@ -71,7 +71,7 @@ class Coverage:
     reached : array of bool
         Whether each edge lies within 1.5 cells of a curve.
     lasting : set of int
-        Edges across which the motion of one side continues, stable, while the motion from rest changes to another one.
+        Edges across which the motion on one side remains stable, although the motion from rest changes to another one.
     followed : list of (MotionClass, n, p)
         The motions that cover more than 1 % of the cells and whose boundaries can be followed, the most frequent first.
     """

@@ -49,7 +49,7 @@ class Boundaries(list[Boundary]):
     message : str
         The motions followed, and the share of the class boundaries of a coarse map that the curves reach.
     share : float
-        The share of that map's class boundaries within 1.5 cells of a curve; NaN where no map was computed.
+        The share of that map's class boundaries within 1.5 cells of a curve; NaN if no map was computed.
     motions : xarray.Dataset or None
         That map, of motions from rest, as `classify` returns it.
     """
@@ -86,7 +86,7 @@ def boundary_curves(
     osc : ImpactOscillator, ImpactSystem or family
         The model; its own values of the two parameters are not used.
     parameters, ranges
-        As of `continue_boundary`.
+        As in `continue_boundary`.
     n_periods : sequence of int, >= 1, optional
         Search only for boundaries of period-n impact-1 orbits and of period-n sticking for these n, without a map;
         boundaries of orbits that are unstable on both sides are included. None searches for n = 1 and 2 and for the
@@ -97,7 +97,7 @@ def boundary_curves(
     lines : int, >= 2
         Number of lines along each parameter, evenly spaced, including the plane's edges.
     step : float, 1e-6 to 0.5
-        As of `continue_boundary`.
+        As in `continue_boundary`.
     progress : bool or callable
         True shows a bar; a callable gets (lines done, lines in all, curves so far), several times per line, and stops
         the search by returning False: the curves finished by then are returned.
@@ -194,7 +194,7 @@ def curves_through(
     points : iterable of BifurcationPoint
         From the `special` of branches; points on a curve already followed are skipped.
     parameters, ranges, step
-        As of `continue_boundary`.
+        As in `continue_boundary`.
     progress : bool or callable
         True shows a count; a callable gets (curves done, None, curves so far), several times per curve, and stops the
         computation by returning False: the curves finished by then are returned.

@@ -259,7 +259,7 @@ class Equations(ABC):
         return flights if self.condition == BRANCH else np.append(flights, self.conditions(x))
 
     def jacobian(self, x: Floats) -> Floats:
-        """Return the derivative of the residuals: of the flights by the impacts in closed form, else by differences."""
+        """Return the derivative of the residuals: in closed form with respect to impacts, else by differences."""
         sizes = self.sizes(x)
         matrix = np.zeros((self.size + len(self.conditions(x)), len(x)))
         matrix[: self.size, : self.size] = self.flights_jacobian(x)

@@ -103,7 +103,7 @@ class Flights(Equations):
         return parameters_of(self.model.at(**dict(zip(self.names, values, strict=True))))
 
     def _slopes(self, values: list[float]) -> Floats:
-        """Return the derivatives of the oscillator's parameters by the free parameters, one row per free parameter."""
+        """Return the derivatives of the oscillator's parameters with respect to the free ones, one row per free one."""
         rows = []
         for j, (low, high) in enumerate(self.ranges):
             below, above = (max(low, values[j] - NUDGE * (high - low)), min(high, values[j] + NUDGE * (high - low)))

@@ -1,4 +1,4 @@
-"""Cutting the cells of a request into parts, tiles of a grid or lists of cells; the interface of what computes them."""
+"""Division of the cells of a request into parts (tiles of a grid, or lists of cells), and the interface of places."""
 
 from __future__ import annotations
 

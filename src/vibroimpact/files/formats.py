@@ -71,7 +71,7 @@ def _write_csv(dataset: xr.Dataset, part: Path) -> None:
 
 
 def write_labels(dataset: xr.Dataset, part: Path) -> None:
-    """Write what a table cannot hold as JSON: the meaning and units of its columns, and its provenance."""
+    """Write as JSON what a table cannot hold: the meaning and units of its columns, and its provenance."""
     columns = {
         str(name): {"meaning": v.attrs.get("long_name", "number"), "units": v.attrs.get("units", "1")}
         for name, v in dataset.variables.items()

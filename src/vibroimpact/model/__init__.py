@@ -26,7 +26,7 @@ class Model(Protocol):
 
     @property
     def values(self) -> dict[str, float]:
-        """Their values; if parameters replace one another, only one is listed and the others are attributes."""
+        """The values by name. Of parameters that replace one another, only one is listed; the others are attributes."""
         ...
 
     def replace(self, **changes: float) -> Model:

@@ -130,7 +130,7 @@ class Element(ABC):
 
     @abstractmethod
     def sensitivity(self, v: Any) -> Any:
-        """Return d(r v)/dv with that r: the change of the speed after per change of the speed before."""
+        """Return d(r v)/dv with that r: the change of the speed after an impact per change of the speed before it."""
 
     def acts_as(self, other: Element, ratio: float, within: float) -> bool:
         """Return whether another element acts the same along a direction that is shorter by that ratio."""

@@ -54,7 +54,7 @@ def without_unit(parameter: Parameter, value: Any) -> Any:
 
 
 def _meant(number: str, unit: str, parameter: Parameter) -> str:
-    """Return what was probably meant by a unit in the wrong case, such as HZ; "" if nothing is."""
+    """Return the unit that was probably meant by one in the wrong case, such as HZ; "" if there is none."""
     cases = unit.lower(), unit.capitalize(), unit[0].lower() + unit[1:], unit[0] + unit[1:].lower()
     for case in cases:
         with suppress(*_registry()[1]):
@@ -150,7 +150,7 @@ def _converted(number: float, given: str, wanted: str) -> float:
 
 
 def _name_of(unit: str) -> str:
-    """Return what pint calls a unit."""
+    """Return pint's name of a unit."""
     named = {"1": "dimensionless", "%": "percent"}.get(unit, unit)
     return _RATE.sub(r"turn/\1", _POWER.sub("^", named))
 

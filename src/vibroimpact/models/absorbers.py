@@ -58,7 +58,7 @@ def impact_damper(
     restitution : float, 0 to 1
         Restitution at the ends and between particles.
     left_restitution, right_restitution : float, 0 to 1, optional
-        Restitution at one side, where it differs.
+        Restitution at one side, if it differs.
 
     Returns
     -------
@@ -141,9 +141,9 @@ def two_unit_impact_damper(
     restitution : float, 0 to 1
         Restitution at all ends.
     first_left_restitution, first_right_restitution : float, 0 to 1, optional
-        Restitution at one side, where it differs.
+        Restitution at one side, if it differs.
     second_left_restitution, second_right_restitution : float, 0 to 1, optional
-        Restitution at one side, where it differs.
+        Restitution at one side, if it differs.
 
     Returns
     -------
@@ -219,7 +219,7 @@ def tuned_mass_damper(
     restitution : float, 0 to 1
         Restitution at the housing's ends.
     left_restitution, right_restitution : float, 0 to 1, optional
-        Restitution at one side, where it differs.
+        Restitution at one side, if it differs.
 
     Returns
     -------

@@ -108,7 +108,7 @@ def impact_pair(
     restitution : float, 0 to 1
         Restitution of both ends.
     left_restitution, right_restitution : float, 0 to 1, optional
-        Restitution at one side, where it differs.
+        Restitution at one side, if it differs.
 
     Returns
     -------
@@ -193,7 +193,7 @@ def idle_gear(
     restitution : float, 0 to 1
         Restitution of both flanks.
     drive_restitution, coast_restitution : float, 0 to 1, optional
-        Restitution at one side, where it differs.
+        Restitution at one side, if it differs.
 
     Returns
     -------

@@ -49,7 +49,7 @@ def two_sided_oscillator(
     restitution : float, 0 to 1
         Restitution of both stops.
     left_restitution, right_restitution : float, 0 to 1, optional
-        Restitution at one side, where it differs.
+        Restitution at one side, if it differs.
 
     Returns
     -------

@@ -63,9 +63,9 @@ _OF_TWO = _OF_TUBES % {
     "places": """first_support_at, second_support_at : float, 0 to 1
     x_1 and x_2 divided by the length, away from the ends.""",
     "sides": """first_upper_restitution, first_lower_restitution : float, 0 to 1, optional
-    Restitution at one side of the first support, where it differs.
+    Restitution at one side of the first support, if it differs.
 second_upper_restitution, second_lower_restitution : float, 0 to 1, optional
-    Restitution at one side of the second support, where it differs.
+    Restitution at one side of the second support, if it differs.
 """,
     "stops": """the stops are `first_upper`, `first_lower` of the group
     `first`, and `second_upper`, `second_lower` of the group `second`""",

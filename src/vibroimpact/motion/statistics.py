@@ -45,8 +45,8 @@ def impact_statistics(
     classes : int >= 1, or sequence of float
         Number of classes of impact speeds, from 0 to the fastest impact; or their edges in m/s, ascending.
     rest_time : float, >= 0
-        In s: an impact that begins less than this after the end of the one before, at the same support, belongs to the
-        same burst, as its rebound. With 0, each impact is a burst.
+        In s. An impact that begins less than this after the end of the previous impact on the same support is its
+        rebound, and belongs to the same burst. With 0, each impact is a burst.
     transient_impacts, sample_impacts : int
         For a model: impacts to skip, then to keep.
 

@@ -174,7 +174,7 @@ class Trials:
         return self._without_transients(Cells.join(tried), motions)
 
     def _without_transients(self, cells: Cells, motions: list[Measured]) -> list[Measured]:
-        """Return motions, those that look chaotic as what they end in, if the hardest of them is a transient."""
+        """Return motions; if the hardest that looks chaotic is a transient, those are replaced by their final ones."""
         chaotic = [at for at, motion in enumerate(motions) if irregular(motion) and not rests(motion)]
         if not chaotic:
             return motions
@@ -186,7 +186,7 @@ class Trials:
         return motions
 
     def _initial_conditions(self, varied: Range, value: float) -> Iterator[Cells]:
-        """Yield initial conditions, a few of all kinds first: one on each orbit takes longer to find.
+        """Yield initial conditions, a few of each kind first; those on orbits take longer to find.
 
         A slow change leads along the branches of the present orbits.
         """
@@ -237,10 +237,10 @@ def advise(
 
 
 def _look_along(lines: Sequence[Line], trials: Trials) -> None:
-    """Find the benefits along each line, and at values between where a change would be smaller than any with one.
+    """Find the benefits along each line, and between its values where changes are smaller than any with a benefit.
 
     Windows with a benefit may be narrower than the steps; near the present value they matter most. Beyond several
-    values with a benefit it matters only whether impacts end.
+    values with a benefit, only the end of impacts matters.
     """
     paths, any_benefit = [line.values for line in lines], [ANY for _ in lines]
     for line in lines:
@@ -256,7 +256,7 @@ def _look_along(lines: Sequence[Line], trials: Trials) -> None:
 def _look(
     lines: Sequence[Line], added: Sequence[Sequence[float]], wanted: Sequence[tuple[str, ...]], trials: Trials
 ) -> None:
-    """Add values to each line, with the benefits there if these are wanted of it."""
+    """Add values to each line, with their benefits if these are wanted for the line."""
     designs = [line.range.at(value) for line, values in zip(lines, added, strict=True) for value in values]
     of_designs = [of_line for of_line, values in zip(wanted, added, strict=True) for _ in values]
     benefits = iter(trials.scan(designs, of_designs))
@@ -271,7 +271,7 @@ def _enough(line: Line, lines: Sequence[Line]) -> bool:
 
 
 def _first_change(varied: Range, lines: Sequence[Line]) -> float:
-    """Return the smallest change of a parameter to where benefits begin on one of its lines."""
+    """Return the smallest change of a parameter at which benefits begin on one of its lines."""
     both = [line for line in lines if line.range is varied]
     first_values = [line.values[first] for line in both if (first := line.first(ANY)) is not None]
     return min((abs(varied.change(value)) for value in first_values), default=math.inf)
@@ -290,7 +290,7 @@ def _refine(brackets: Sequence[Bracket], trials: Trials) -> None:
 
 
 def _smallest(brackets: Sequence[Bracket], trials: Trials) -> Advice | None:
-    """Return the smallest change, rounded, whose benefit stands from all initial conditions."""
+    """Return the smallest change, rounded, that has its benefit from all initial conditions."""
     values = {value: bracket for bracket in brackets for value in bracket.candidates()}
     for value, bracket in sorted(values.items(), key=lambda pair: abs(pair[1].range.change(pair[0]))):
         varied = bracket.range
@@ -306,7 +306,7 @@ def _smallest(brackets: Sequence[Bracket], trials: Trials) -> Advice | None:
 
 
 def _scaled(motions: Sequence[Coexisting], varied: Range) -> Advice | None:
-    """Return the change of a force to which all motions are proportional; None without room."""
+    """Return the change of a force to which all motions are proportional; None if there is no range."""
     worst = max(motions, key=lambda motion: motion.max_velocity)
     value = rounded(SOFTER * varied.value, varied, -1)
     change, hardest = varied.change(value), value / varied.value * worst.max_velocity

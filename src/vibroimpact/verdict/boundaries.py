@@ -103,7 +103,7 @@ def _with_beyond(sides: Sequence[Side], group: tuple[str, int, int], runner: Run
 
 
 def _exact(present: Present, side: Side, branches: Branches) -> Side | None:
-    """Return the boundary, or `none` up to the end of the range; None where no equation gives it."""
+    """Return the boundary, or `none` up to the end of the range; None if no equation gives it."""
     if side.range.only_scales or not side.has_room:
         return side
     if present.orbit is None:
@@ -117,7 +117,7 @@ def _exact(present: Present, side: Side, branches: Branches) -> Side | None:
 
 
 def _start_of(orbit: Any) -> Start:
-    """Return an impact of an orbit, no graze if it has another, as what to carry across a boundary."""
+    """Return an impact of an orbit (not a graze, if possible), as the state to carry across a boundary."""
     hit = 0 if min(orbit.velocities) > 0.0 else int(np.argmax(orbit.velocities))
     return Start(0.0, orbit.velocities[hit], orbit.phases[hit])
 
@@ -138,7 +138,7 @@ def _bifurcation(branch: LazyBranch, side: Side) -> Side | None:
 
 
 def _end_of_sticking(present: Present, side: Side) -> Side:
-    """Walk outwards until the mass, let go, does not rest again after as many periods; bisect there."""
+    """Move outwards until the released mass does not rest again after as many periods; then bisect."""
     assert present.orbit is not None
     n, varied = present.orbit.n_periods, side.range
     if present.model is present.oscillator and varied.name == "restitution":
@@ -164,7 +164,7 @@ def _end_of_sticking(present: Present, side: Side) -> Side:
 
 
 def _of_quiet_motion(present: Present, side: Side) -> Side | None:
-    """Return where one mass that does not hit first touches the stop or is lifted off it; None for other motions."""
+    """Return the value at which one mass that does not hit touches the stop or lifts off it; None for other motions."""
     osc, kind = present.oscillator, present.measured.motion_class
     if kind == MotionClass.NO_IMPACT and osc.damping > 0.0 and osc.gap > osc.steady_amplitude:
         return _closed_form(side, "first_contact", lambda o: o.gap - o.steady_amplitude)
@@ -176,8 +176,8 @@ def _of_quiet_motion(present: Present, side: Side) -> Side | None:
 def _closed_form(side: Side, kind: str, margin: Callable[[Any], float]) -> Side:
     """Return the first value outwards at which a margin becomes negative, if there is one.
 
-    The mass first touches the stop where the amplitude of its motion without one reaches the gap, R = g; it is lifted
-    off the stop where the force reaches the preload, f = -k g.
+    The mass first touches the stop when the amplitude of its motion without a stop reaches the gap, R = g; it lifts off
+    the stop when the force reaches the preload, f = -k g.
     """
     varied = side.range
 
@@ -204,7 +204,7 @@ def _closed_form(side: Side, kind: str, margin: Callable[[Any], float]) -> Side:
 def _first_negative(margin: Callable[[float], float], values: Sequence[float]) -> tuple[float, float]:
     """Return neighbouring values between which a margin first becomes negative, NaN for the second if it does not.
 
-    A resonance may be narrower than a step: wherever the margin has a minimum, that is found by golden section.
+    A resonance may be narrower than a step, so every minimum of the margin is found by golden section.
     """
     margins = [margin(value) for value in values]
     for i in range(1, len(values)):
@@ -225,9 +225,9 @@ def _first_negative(margin: Callable[[float], float], values: Sequence[float]) -
 
 
 def _bisected(present: Present, sides: Sequence[Side], runner: Runner) -> list[Side]:
-    """Return, for each parameter and direction, where the motion that is followed first changes its class.
+    """Return, for each parameter and direction, the value at which the motion that is followed first changes its class.
 
-    What an undecided motion ends as is not known, and so not where it ends.
+    For an undecided motion, neither its final kind nor its end is known.
     """
     if present.measured.motion_class in UNSURE:
         return [replace(side, reached=math.nan) for side in sides]

@@ -101,7 +101,7 @@ def carry(track: Track) -> Search[None]:
 
 
 def _step(track: Track) -> Search[None]:
-    """Carry a motion to its next place, and see whether it is still the same."""
+    """Carry a motion to its next place, and check whether it is still the same."""
     bisecting = not math.isnan(track.barrier)
     place = 0.5 * (track.place + track.barrier) if bisecting else min(track.place + track.step, 1.0)
     cell = track.cells([(place, track.start)])
@@ -116,9 +116,9 @@ def _step(track: Track) -> Search[None]:
 
 
 def _look_closely(track: Track) -> Search[None]:
-    """Decide from the nearest states, and over many impacts, whether a motion does end where it seemed to.
+    """Decide from the nearest states, and over many impacts, whether a motion really ends.
 
-    One state may miss the motion's own basin where another of the same motion does not.
+    One state may leave the motion's own basin while another of the same motion does not.
     """
     before = track.history[-1] if track.history else (track.place, track.start)
     states = yield from _states(track, *before)
@@ -163,9 +163,9 @@ def _same_from(
 
 
 def _look_back(track: Track) -> Search[None]:
-    """Narrow down where a motion ends of which only a long window shows that it is a transient, or settles slowly.
+    """Locate the end of a motion that only a long window shows to be a transient, or to settle slowly.
 
-    It is followed as far as it surely is the same, and ends where it surely is another.
+    It is followed as far as it is certainly the same, and ends where it is certainly another.
     """
     states = [*track.history, (track.place, track.start), (track.barrier, track.start)]
     window, rounds = (LONGEST, ROUNDS // 2) if track.lasts else (LONG, ROUNDS)

@@ -42,7 +42,7 @@ def boundary_facts(verdict: Verdict) -> Iterator[str | Table]:
 
 
 def _rows(verdict: Verdict, down: Edge, up: Edge) -> Iterator[tuple[str, ...]]:
-    """Yield the rows of a parameter: the ways down and up side by side, the nearest onset or boundary first."""
+    """Yield the rows of a parameter: values below and above side by side, the nearest onset or boundary first."""
     name = labelled(*shown_as(verdict.model, down.parameter, verdict.units))
     for below, above in zip_longest(ends_of(verdict, down), ends_of(verdict, up), fillvalue=("", "")):
         yield name, *below, *above
@@ -55,7 +55,7 @@ def labelled(parameter: Parameter, unit: str) -> str:
 
 
 def _about(verdict: Verdict) -> Iterator[str]:
-    """Yield for which initial conditions boundaries hold, and what was sampled."""
+    """Yield the initial conditions for which boundaries hold, and the sampling."""
     edges = verdict.boundaries
     if verdict.kind in ("no_impact", "stuck_forever") and any(edge.from_some for edge in edges):
         hitting = sum(motion.share for motion in verdict.attractors if motion.max_velocity > 0.0)
@@ -125,7 +125,7 @@ def onset_texts(edge: Edge) -> list[tuple[Onset, str]]:
 
 
 def _place(verdict: Verdict, edge: Edge, at: Edge | Onset) -> str:
-    """Return a value on the way along a parameter, how well it is known, and the change to it."""
+    """Return a value of a parameter, its accuracy, and the change to it."""
     digits = _digits(verdict, edge, at.value, 6 if at.half_width == 0.0 else 5)
     lines = [_value(verdict, edge, at.value, digits)]
     if at is edge and at.half_width:
@@ -138,7 +138,7 @@ def _place(verdict: Verdict, edge: Edge, at: Edge | Onset) -> str:
 
 
 def _digits(verdict: Verdict, edge: Edge, value: float, digits: int) -> int:
-    """Return as many digits as part a value from the present one, or more."""
+    """Return the number of digits, at least `digits`, that distinguish a value from the present one."""
     present = value_of(verdict.model, edge.parameter)
     differs = value != present
     while differs and digits < EXACT and _value(verdict, edge, value, digits) == _value(verdict, edge, present, digits):

@@ -101,7 +101,7 @@ class Comparison:
         return models if alike else [verdict.oscillator for verdict in self.verdicts]
 
     def _boundaries(self) -> dict[tuple[str, int], list[Edge | None]]:
-        """Return the boundaries of both designs by parameter and direction; None where one was not varied so."""
+        """Return the boundaries of both designs by parameter and direction; None if it was not varied."""
         found = [{(edge.parameter, edge.direction): edge for edge in verdict.boundaries} for verdict in self.verdicts]
         return {key: [edges.get(key) for edges in found] for key in dict.fromkeys([*found[0], *found[1]])}
 
@@ -146,7 +146,7 @@ def _texts(items: Iterable[str]) -> np.ndarray[Any, Any]:
 
 
 def _worst_variables(verdicts: tuple[Verdict, Verdict]) -> dict[str, xr.Variable]:
-    """Return the hardest hit from any initial condition, of which motion, and what share of them leads to it."""
+    """Return the hardest hit from any initial condition, with its motion and the share that leads to it."""
     hit, speeds = "hardest hit from any initial condition", [_hardest(verdict) for verdict in verdicts]
     names = [(verdict.harder or verdict.motion).name for verdict in verdicts]
     shares = [verdict.harder.share if verdict.harder else math.nan for verdict in verdicts]

@@ -281,7 +281,7 @@ def describe(
 def _look_around(
     present: Present, ranges: Sequence[Range], runner: Runner, going: Callable[[], bool], fields: dict[str, Any]
 ) -> bool:
-    """Fill the fields of a verdict on what is around a motion, while it is `going`; return whether all are complete."""
+    """Fill the fields of a verdict other than the motion, while `going()` is true; return whether all are complete."""
     if not going():
         return False
     fields["attractors"] = coexisting_motions(present, runner)

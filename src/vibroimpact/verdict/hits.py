@@ -64,7 +64,7 @@ def hit_lines(verdict: Verdict) -> Iterator[str]:
 
 
 def _sampled(verdict: Verdict) -> str:
-    """Return the rate and speeds of impacts that do not repeat; the rate of those that rest depends on the sample."""
+    """Return the rate and speeds of impacts that do not repeat; with rests, the rate depends on the sample."""
     hardest = f"hardest {speed(verdict.max_velocity)} of those sampled"
     if verdict.kind == "sticking":
         return hardest
@@ -75,7 +75,7 @@ def _sampled(verdict: Verdict) -> str:
 
 
 def _on_each_stop(verdict: Verdict, hits: Sequence[tuple[float, float]]) -> Iterator[str]:
-    """Yield the impacts of a cycle support by support, and which supports have none."""
+    """Yield the impacts of a cycle for each support, and the supports without impacts."""
     chatters, design, silent = verdict.motion.n_impacts < 0, verdict.oscillator, []
     support_of = dict(zip(design.stop_names, design.groups, strict=True))
     for name in dict.fromkeys(design.groups):
@@ -105,7 +105,7 @@ def _at_phase(velocity: float, phase: float) -> str:
 
 
 def _impulses(orbit: Any, named: bool) -> Iterator[str]:
-    """Yield the largest impulse, and how hard, long and deep the hardest contact with a compliant stop is."""
+    """Yield the largest impulse, and force, duration and depth of the hardest contact with a compliant stop."""
     most = next(at for at, kick in enumerate(orbit.impulses) if kick >= (1.0 - EQUAL) * max(orbit.impulses))
     yield f"largest impulse {report.quantity(orbit.impulses[most], 'N s', 4)}{on_stop(orbit.stops[most], named)}"
     pressed = [pair for pair in zip(orbit.contacts, orbit.stops, strict=True) if pair[0].peak_force > 0.0]

@@ -142,9 +142,9 @@ def _hitting(runner: Runner, cells: Cells, lasting: bool) -> list[bool]:
 
 
 def _lasting(parts: Sequence[Cells]) -> Search[list[tuple[bool, Start | None]]]:
-    """Return whether one of the cells of each part keeps hitting, and where it is much later.
+    """Return whether one of the cells of each part continues to hit, and its state much later.
 
-    Chaos counts if it lasts from `STATES` of its states: else it is a transient.
+    Chaos counts if it lasts from `STATES` of its states; otherwise it is a transient.
     """
     motions = iter((yield measured(Cells.join(parts), LONG)))
     pairs = [[(cell, next(motions)) for cell in range(len(part))] for part in parts]

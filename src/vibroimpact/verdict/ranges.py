@@ -117,7 +117,7 @@ def present_value(model: Model, name: str) -> Range:
 
 
 def _possible(varied: Range, direction: int) -> float:
-    """Return the end of a range, of a family drawn in to where it still makes a design."""
+    """Return the end of a range; for a family, reduced to a value at which it still makes a design."""
     inside, end = varied.value, varied.end(direction)
     outside = end
     for _ in range(TRIALS):

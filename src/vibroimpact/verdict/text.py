@@ -72,7 +72,7 @@ def verdict_lines(verdict: Verdict) -> Iterator[str]:
 
 
 def _laid_out(parts: Iterable[tuple[str, Iterable[Fact]]]) -> Iterator[str]:
-    """Yield titled facts line by line; a table stands under its title, as it is wide."""
+    """Yield titled facts line by line; a table is below its title, because it is wide."""
     for title, facts in parts:
         for i, fact in enumerate(facts):
             head = (title if i == 0 else "").ljust(MARGIN)
@@ -84,7 +84,7 @@ def _laid_out(parts: Iterable[tuple[str, Iterable[Fact]]]) -> Iterator[str]:
 
 
 def _stopped(verdict: Verdict) -> str:
-    """Return why a verdict is not complete: what it may cost has a limit, far above what usual designs take."""
+    """Return why a verdict is incomplete: its cost has a limit, far above that of usual designs."""
     if verdict.steps < step_limit(verdict.oscillator):
         return "before the end; run it again to complete it"
     return (
@@ -130,7 +130,7 @@ def _why_undecided(verdict: Verdict) -> str:
 
 
 def _watched(verdict: Verdict) -> Iterator[str]:
-    """Yield over how many impacts a motion was watched that did not soon repeat."""
+    """Yield the number of impacts for which a motion was followed, if it did not soon repeat."""
     if verdict.releases:
         moved = sum(verdict.releases.values())
         ends = ", ".join(f"{number} to {name}" for name, number in verdict.releases.items())
@@ -144,7 +144,7 @@ def _watched(verdict: Verdict) -> Iterator[str]:
 
 
 def _beside_the_stop(verdict: Verdict) -> Iterator[str]:
-    """Yield how far from the stop a motion without impacts stays, or how hard it is pressed to it, by name."""
+    """Yield the distance of a motion without impacts from the stop, or the force that presses it on the stop, named."""
     osc = verdict.oscillator
     if verdict.kind == "no_impact" and math.isfinite(osc.steady_amplitude):
         clear = osc.gap - osc.steady_amplitude
@@ -154,7 +154,7 @@ def _beside_the_stop(verdict: Verdict) -> Iterator[str]:
 
 
 def _clear_of(verdict: Verdict) -> str:
-    """Return the distance of a motion without impacts from which stop, or which it rests at or is pressed into."""
+    """Return the distance from the nearest stop of a motion without impacts, or the stop that it touches."""
     system = verdict.oscillator
     present = next((motion for motion in verdict.attractors if motion.from_rest), None)
     if present is None:
@@ -235,7 +235,7 @@ def _largest(orbit: Any) -> str:
 
 
 def _coexisting(verdict: Verdict) -> Iterator[str]:
-    """Yield the motions that initial conditions settle to, and of several stops on which these are impacts."""
+    """Yield the motions that initial conditions settle to and, with several stops, the stops that they hit."""
     motions, design = verdict.attractors, verdict.oscillator
     sample, of = f"{SPREAD} spread initial conditions", " of the initial conditions"
     undecided = verdict.undecided
@@ -264,7 +264,7 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
 
 
 def _slow(motion: Coexisting) -> str:
-    """Return the words on how long and hard initial conditions may hit before they settle, if that is notable."""
+    """Return the duration and the hardest hit of the longest transient in words, if they are notable."""
     long = motion.transient_impacts > FIRST
     if not (long and motion.repeats and motion.transient_velocity > HARDER * motion.max_velocity):
         return ""
@@ -273,7 +273,7 @@ def _slow(motion: Coexisting) -> str:
 
 
 def _advice_lines(verdict: Verdict) -> Iterator[str]:
-    """Yield what softens the impacts."""
+    """Yield the advice that softens the impacts."""
     if not verdict.complete:
         return
     if verdict.worst is None and verdict.kind == "budget":

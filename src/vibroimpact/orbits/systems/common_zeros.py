@@ -163,7 +163,7 @@ def _values(series: Series, orders: Floats, at: Rectangles) -> tuple[Floats, Flo
 
 
 def _inverse(slopes: Floats) -> Floats:
-    """Return the inverses of 2 x 2 matrices, infinite or NaN where there is none."""
+    """Return the inverses of 2 x 2 matrices; infinite or NaN for singular ones."""
     (a, b), (c, d) = slopes[:, 0].T, slopes[:, 1].T
     with np.errstate(divide="ignore", invalid="ignore"):
         inverses: Floats = np.array([[d, -b], [-c, a]]) / (a * d - b * c)

@@ -198,7 +198,7 @@ class Flow:
         return after
 
     def impact_slopes(self, stop: int, x: Floats, z: Floats) -> tuple[Floats, Floats]:
-        """Return the derivatives of the state after an impact by the state before it and the driving angle."""
+        """Return the derivatives of the state after an impact with respect to the state before it and the angle."""
         beta, factor = self.beta[stop], 1.0 + self.rebound(stop, self.closing(stop, x, z))[1]
         by_state, by_angle = np.eye(2 * self.n), np.zeros(2 * self.n)
         by_state[self.n :, self.n :] -= factor * np.outer(beta, beta)
