@@ -267,8 +267,8 @@ def check_steps(name: str, what: str, steps: float, remedy: str, most: int = STE
     """Refuse requests of too many steps, about one per impact; cycles are not computed twice."""
     if steps > most:
         raise ValueError(
-            f"`{name}` {what} some {steps:.2g} steps, {steps * PACE / 3600.0:,.0f} hours of a core, but "
-            f"{most:.2g} are the most of one call; {remedy}"
+            f"`{name}` {what} some {steps:.2g} steps, {steps * PACE / 3600.0:,.0f} hours of a core; "
+            f"one call may take at most {most:.2g} steps; {remedy}"
         )
 
 

@@ -257,8 +257,8 @@ def refined_map(osc: Model, *, refine: int, jump: float | None = None, **how: An
     -----
     A computed cell is bit for bit that of `parameter_map` over the fine axes. Cells without impacts are never filled
     in. Among motions with impacts, an island that lies between the points of the given grid is missed. The paper's
-    (omega, mass) plane has detail at every scale: at 4097 x 4097 cells, 22 % of them are computed, and 0.5 % of the
-    area shows another motion than the uniform map. Memory is 30 bytes per fine cell, 8 or 4 more for each further
+    (omega, mass) plane has detail at every scale: at 4097 x 4097 cells, 22 % of them are computed, and on 0.5 % of the
+    area the motion differs from that of the uniform map. Memory is 30 bytes per fine cell, 8 or 4 more for each further
     index, plus about 60 MB.
 
     References

@@ -67,13 +67,13 @@ class Run:
             self.flight_from = int(steps[-1])
 
     def march_to(self, last: int, impacts: int = _ROOM) -> None:
-        """Integrate to a step, or until so many more impacts are recorded."""
+        """Integrate to a step, or until a number of further impacts is recorded."""
         steps, velocities = np.empty(impacts, dtype=np.int64), np.empty(impacts)
         self.y, self.v, self.step, count = march(self.law, self.y, self.v, self.step, last, steps, velocities)
         self._keep(steps[:count], velocities[:count])
 
     def fill(self, wanted: int) -> Status:
-        """Integrate until so many impacts are recorded; return OK, or why they never will be."""
+        """Integrate until a number of impacts is recorded; return OK, or the reason why it never will be."""
         while self.count < wanted:
             self.march_to(self.step + _ROOM, min(_ROOM, wanted - self.count))
             if self.count == wanted:

@@ -51,7 +51,7 @@ def limits(tolerances: Tolerances) -> Limits:
 
 
 def expected_steps(cells: Cells, window: ImpactWindow) -> Floats:
-    """Return the certified steps of so many flights, each as long as the slower period in steps of the faster one."""
+    """Return the expected steps of all impacts, if each flight lasts the slower of the two periods."""
     impacts = window.transient + window.keep
     steps: Floats = impacts * 2.0 * math.pi / REACH * cells.fastest_rate / cells.slowest_rate
     return steps

@@ -238,7 +238,7 @@ class Runner:
         return samples
 
     def follow(self, cells: Cells, impacts: int = 300) -> list[Start | None]:
-        """Return the state of each motion after so many impacts, or None if it could not be followed."""
+        """Return the state of each motion after a number of impacts, or None if it could not be followed."""
         return [last_of(sample) for sample in self.samples(cells, ImpactWindow(impacts, 1))]
 
 

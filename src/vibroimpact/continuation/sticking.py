@@ -119,7 +119,7 @@ class Sticking:
         return residual(self.model_at(at).at().restitution, self.stuck(at))
 
     def end(self, path: Path, out: float, into: float) -> float | None:
-        """Return the last place on a path with the cycle; None if it ends for another reason than its chatter's end."""
+        """Return the last place on a path with the cycle; None if it ends for a reason other than its chatter's end."""
         before, last = (math.nan, math.nan), (into, self._level(path(into)))  # where it sticks
         beside = AIM
         while (middle := 0.5 * (out + into)) not in (out, into) and self.values(path(out)) != self.values(path(into)):

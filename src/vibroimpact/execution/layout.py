@@ -2,7 +2,7 @@
 
 The root holds the results, one array per variable, each chunk a tile of the grid. A group `progress` holds the tiles'
 records. The cells of a refined map do not form a grid: they are kept in lists, `progress/cells`, each chunk of which is
-a tile, and the picture made from them is drawn at the root at the end.
+a tile, and the picture made from them is written to the root at the end.
 
 Every chunk has Zarr's checksum: all readers refuse a chunk that was altered, and here it is computed again.
 """

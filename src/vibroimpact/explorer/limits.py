@@ -55,7 +55,7 @@ def _system_and_stiffness(model: Any) -> tuple[Any, float]:
 
 
 def budget(stiff: float, count: int) -> Tolerances:
-    """Return a budget of about `MOST_STEPS` certified steps for so many impacts or periods; at most a tenth of usual.
+    """Return a budget of about `MOST_STEPS` certified steps for these impacts or periods; at most a tenth of usual.
 
     Examples
     --------

@@ -307,7 +307,7 @@ class Motions:
 
 
 def _settled_motion(system: Any, kind: MotionClass, status: Status, indices: dict[str, float], impacts: int) -> str:
-    """Return a sentence on the settled motion, determined from at most so many impacts."""
+    """Return a sentence on the settled motion, determined from at most a given number of impacts."""
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
     name, peak = motion_name(kind, n, p), f"largest impact velocity {quantity(indices['max_velocity'], 'm/s', 3)}"
     often = "once per period" if n <= 1 else f"once in {n} periods"

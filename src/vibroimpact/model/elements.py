@@ -1,4 +1,4 @@
-"""The kinds of stops: their numbers, their contact laws, and the quantities that are reported of each contact.
+"""The kinds of stops: their numbers, their contact laws, and the quantities that are reported for each contact.
 
 Every stop has an element of one of these kinds. Outside the kernels and the back ends, only this module distinguishes
 them.
@@ -55,7 +55,7 @@ BLOCKS: Mapping[str, Block] = MappingProxyType(
 
 
 class Report(NamedTuple):
-    """A quantity that is reported of every contact: its label, and the field of samples that holds it."""
+    """A quantity that is reported for every contact: its label, and the field of samples that holds it."""
 
     long_name: str
     unit: str
@@ -86,7 +86,7 @@ class Element(ABC):
     instead : mapping of str to str
         What to do instead, for each argument that only another kind takes.
     reports : tuple of str
-        The quantities that are reported of each contact.
+        The quantities that are reported for each contact.
     instantaneous : bool
         Whether a contact takes no time: the rate of the clearance jumps, and the force has no value.
     impenetrable : bool

@@ -135,8 +135,8 @@ def _record(source: Any) -> _Record:
     else:
         if len(stops) < 2:
             raise ValueError(
-                f"`source` must hold at least two impacts, got {len(stops)}: the time between the first and the last "
-                "one is the time that rates are taken over"
+                f"`source` must hold at least two impacts, got {len(stops)}: rates are taken over the "
+                "time between the first and the last one"
             )
         begin, end = columns["time"][[0, -1]].tolist()
         columns, stops = {name: column[1:] for name, column in columns.items()}, stops[1:]

@@ -157,7 +157,7 @@ def find_sticking_orbit(
 
 
 def why_none(osc: ImpactOscillator, n_periods: int) -> str:
-    """Return the reason why there is no sticking orbit of so many periods."""
+    """Return the reason why there is no sticking orbit with this number of periods."""
     stick = from_release(osc, max(LONGEST, n_periods))
     if stick is None or closes(osc, stick):
         return f"no period-{n_periods} orbit sticks"

@@ -195,5 +195,5 @@ def with_hertz(model: Model, name: str, value: float, units: Mapping[str, str]) 
 
 
 def number(value: float, digits: int) -> str:
-    """Return a number with so many digits, without a power of ten below a million."""
+    """Return a number with the given number of digits, without a power of ten below a million."""
     return f"{float(f'{value:.{digits}g}'):g}"

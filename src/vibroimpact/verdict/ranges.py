@@ -69,7 +69,7 @@ class Range:
         return first + share * (last - first)
 
     def cut(self, first: float, last: float, parts: int) -> list[float]:
-        """Return the values that divide the way between two values into so many parts, with both ends."""
+        """Return the values that divide the way between two values into a number of parts, with both ends."""
         return [first, *(self.between(first, last, j / parts) for j in range(1, parts)), last]
 
     def change(self, value: float) -> float:

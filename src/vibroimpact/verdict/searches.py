@@ -33,7 +33,7 @@ def measured(cells: Cells, window: ImpactWindow) -> Query:
 
 
 def followed(cells: Cells, impacts: int) -> Query:
-    """Request the state of each motion after so many impacts, or None if it could not be followed."""
+    """Request the state of each motion after a number of impacts, or None if it could not be followed."""
     return Query(Runner.follow, cells, impacts)
 
 

@@ -152,7 +152,7 @@ class Laboratory:
         return Scan(omega, self._motions([{"omega": float(w), **changes} for w in omega]))
 
     def variant(self, **changes: float) -> Scan:
-        """Motions along w at other parameters than the paper's."""
+        """Motions along w at parameters other than the paper's."""
         return self.scan(step=self.scale.variant_step, **changes)
 
     def _cells(self, name: str) -> CellSample:
