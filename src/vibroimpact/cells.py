@@ -130,8 +130,8 @@ class Cells:
     def struck(self, numbers: Any) -> Cells:
         """Return the cells, each starting with one of the numbered impacts that `spread` puts on its impact surface.
 
-        They equal, bit for bit, a `State` at the gap with that velocity at the time of that phase. Where V = 0, the
-        motion is alike at every speed, and 1 m/s replaces V.
+        They equal, bit for bit, a `State` at the gap with that velocity at the time of that phase. If V = 0, motions
+        are similar at every speed, and 1 m/s replaces V.
         """
         phase, velocity = spread(numbers)
         scale = self.velocity_scale

@@ -69,10 +69,10 @@ def bifurcation_diagram(
     section : {"impact", "stroboscopic"}
         Velocities and phases at impacts, or displacement and velocity once per period.
     direction : {"fresh", "up", "down"}
-        "fresh" takes the same initial condition for every value. "up" and "down" go along the axis and continue each
-        value from the state at which the one before ended, which shows hysteresis. That state is clearance, velocity
-        and phase, or for systems coordinates, velocities and phase. If the next value's stops are in the way, the
-        motion continues from the nearest position in front of them.
+        "fresh" takes the same initial condition for every value. "up" and "down" go along the axis and begin at each
+        value with the final state of the previous one, which shows hysteresis. That state is clearance, velocity and
+        phase, or for systems coordinates, velocities and phase. If the next value's stops are in the way, the motion
+        continues from the nearest position in front of them.
     backend, time_step, tolerances
         As in `simulate`.
     transient_impacts, sample_impacts : int, >= 0 and >= 1

@@ -102,7 +102,7 @@ def simulate(
     skip_periods : int, >= 0
         Driving periods to skip first.
     samples_per_period : int, >= 1
-        Samples of displacement and velocity per period; impacts are exact whatever this is.
+        Samples of displacement and velocity per period; impacts are exact in any case.
     backend : str
         Name of the back end; `time_step` in s is for "fixed-step" only.
     tolerances : Tolerances, optional

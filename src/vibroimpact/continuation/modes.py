@@ -3,8 +3,8 @@ r"""The equations of a branch or a boundary for systems of several coordinates a
 The unknown x holds the turns of the impacts, the state just before the first impact, in the scaled modes of the system
 at the beginning of the curve, for a graze in mid-flight the turns of the touch, and the free parameters relative to
 their ranges. The modes change with the parameters; since the state refers to one fixed basis, it depends on the
-parameters smoothly even where modes change their order. The conditions besides the residuals of the cycle are, with the
-multipliers mu,
+parameters smoothly even where modes change their order. The conditions in addition to the residuals of the cycle are,
+with the multipliers mu,
 
     fold: 1 - mu,   period doubling: 1 + mu,   Neimark-Sacker: 1 - mu_i mu_j of a complex pair,
     grazing: the velocity of one impact, or clearance and rate at the touch.

@@ -18,7 +18,7 @@ from vibroimpact.orbits.orbit import Orbit
 
 @dataclass(frozen=True)
 class Solution:
-    """A solution of a system: a point of a branch or a boundary, or a bifurcation."""
+    """A solution of equations: a point of a branch or a boundary, or a bifurcation."""
 
     equations: Equations
     x: Floats

@@ -169,10 +169,10 @@ def sticking_curve(sticking: Sticking, longest: float, most: int, side: float) -
     """Yield the curve through the origin of a plane as far as it has been followed, after each point.
 
     The cycle is to its left (`side` 1) or right (-1). Each point lies on neighbouring floating-point numbers, at most
-    `longest` of the ranges from the one before. The curve ends at an edge of the ranges, closed, after `most` points,
-    or lost, for example where a chatter in an earlier period completes first. A point takes about 45 runs from the
-    release, with a progress report before each: about 10 ms at r = 0.8. Residuals are below 1e-10, except near a graze
-    in the flight, where the stuck time changes with infinite slope.
+    `longest` of the ranges from the previous point. The curve ends at an edge of the ranges, closed, after `most`
+    points, or lost, for example where a chatter in an earlier period completes first. A point takes about 45 runs from
+    the release, with a progress report before each: about 10 ms at r = 0.8. Residuals are below 1e-10, except near a
+    graze in the flight, where the stuck time changes with infinite slope.
     """
     start = (0.0, 0.0)
     way, last, heading, step, finest = Way([sticking.point(start)]), start, 0.0, longest, longest * FINEST_STEP

@@ -56,7 +56,7 @@ def sides(view: View) -> tuple[int, ...]:
 
 
 def bands(side: int, samples: int = USUAL, first: int = SIDES[0]) -> list[tuple[Places, Places]]:
-    """Return the cells that a lattice adds to the one before, as rectangles of a job's size."""
+    """Return the cells that a lattice adds to the previous one, as rectangles of a job's size."""
     cells, most = lattice(side), BAND * USUAL / max(samples, USUAL) * (1 if first == SIDES[0] else 1 / 16)
     if side == first:
         parts = [(cells, cells)]

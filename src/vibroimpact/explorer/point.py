@@ -59,7 +59,7 @@ class Point:
 
     @property
     def size(self) -> float:
-        """A length scale of axes in m: for one mass, the larger of static deflection and gap; alike for systems."""
+        """A length scale of axes in m: for one mass, the larger of static deflection and gap; similarly for systems."""
         return self.system.velocity_scale / self.system.slowest_frequency or 1.0
 
     def places(self, stops: Any, time: Floats) -> Floats:

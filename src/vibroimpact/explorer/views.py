@@ -100,7 +100,7 @@ class PlaneView:
         return parts
 
     def show_hatch(self, plane: Plane | None) -> Parts:
-        """Hatch the cells with impacts only from other initial conditions than rest, as far as known."""
+        """Hatch the cells with impacts only from initial conditions other than rest, as far as known."""
         self._hatched, side, words = plane, 0, ""
         if plane is not None:
             side = FINEST if plane.tried is not None and (plane.elsewhere > 0.0).any() else 0

@@ -260,7 +260,7 @@ class Clock:
         self._wanted, self._deadline, self.complete = wanted, clock() + seconds, True
 
     def __call__(self) -> bool:
-        """Return whether to go on."""
+        """Return whether to continue."""
         self.complete = self.complete and self._wanted() and clock() < self._deadline
         return self.complete
 

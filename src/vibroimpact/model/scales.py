@@ -44,7 +44,7 @@ def is_own_scale(model: Model, name: str, value: float) -> bool:
 
 
 def _unit(model: Model, name: str) -> Scale:
-    """Return one unit, for designs in which nothing has a comparable size: their motions are alike at any size."""
+    """Return one unit, for designs in which nothing has a comparable size: their motions are similar at any size."""
     return Scale(1.0, f"1 {model.parameters[name].unit}".removesuffix(" 1"))
 
 

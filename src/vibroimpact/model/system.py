@@ -318,9 +318,9 @@ class ImpactSystem(ByValue):
           mode.
 
         Modes slower than 0.01 w count as free, and w (h w in a harmonic) replaces their Omega. If all three are zero
-        (no load, nothing moves), V is w times the largest gap; without stops or gaps, motions are alike at every speed,
-        and V is 1. V does not change with the choice of coordinates, and for one mass it is that of `ImpactOscillator`,
-        max(f, k |g|)/sqrt(k m).
+        (no load, nothing moves), V is w times the largest gap; without stops or gaps, motions are similar at every
+        speed, and V is 1. V does not change with the choice of coordinates, and for one mass it is that of
+        `ImpactOscillator`, max(f, k |g|)/sqrt(k m).
         """
         return velocity_scale(self.modal())
 

@@ -120,9 +120,7 @@ ValueError
 
 
 def checked(function: Callable[_Arguments, _Model]) -> Callable[_Arguments, _Model]:
-    """Return the function of named numbers with each checked by its name; `parameters` holds their table.
-
-    Its docstring says so, unless it says what else is refused.
+    """Return the function with a check of each of its named numbers; `parameters` holds their table.
     """
     parameters = {name: TABLE[name] for name in inspect.signature(function).parameters}
     if "\nRaises\n" not in inspect.cleandoc(function.__doc__ or ""):

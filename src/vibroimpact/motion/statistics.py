@@ -55,8 +55,8 @@ def impact_statistics(
     xarray.Dataset
         Over `stop`, the names of groups or stops: `impacts`, `bursts`, `rate` in 1/s, `impacts_per_period`;
         `mean_velocity`, `rms_velocity`, `max_velocity` in m/s; `mean_impulse`, `max_impulse` in N s; `mean_force` in N,
-        the sum of impulses over the time; `power` in W, the energy lost at the stop over the time (the work rate of
-        wear by impact); `rest_fraction`. If a stop is compliant, also `mean_peak_force`, `peak_force` in N,
+        the sum of impulses divided by the time; `power` in W, the energy lost at the stop divided by the time (the work
+        rate of wear by impact); `rest_fraction`. If a stop is compliant, also `mean_peak_force`, `peak_force` in N,
         `mean_contact_time` in s, `contact_fraction`, `max_penetration` in m. `number` (stop, velocity_class) is the
         histogram, with `velocity_from` and `velocity_to` in m/s; `duration` is the time in s. Means and largest values
         of a support without impacts are NaN.

@@ -97,8 +97,8 @@ def _first_beyond(leg: Leg, courses: list[Course], beginning: int, ending: int) 
 def nearest_of(cycle: Cycle, unknown: Floats) -> tuple[int, float, float, int, float]:
     """Return the closest approach of an orbit to a contact, or to the loss of one, between events and at events.
 
-    The result holds the leg, the driving angle, the clearance over its size (infinite without a minimum) and the stop,
-    and then the least clearance over its size of any stop at an event of another stop.
+    The result holds the leg, the driving angle, the relative clearance (infinite without a minimum) and the stop of
+    this approach, and the smallest relative clearance of any stop at an event of another stop.
     """
     nearest, beside = (0, math.nan, math.inf, 0), math.inf
     for i, angle in enumerate(unknown[: len(cycle.events)]):
