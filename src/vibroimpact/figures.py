@@ -14,8 +14,8 @@ MOTION = "motion"  # in place of an index: the types of motion
 class Kind(NamedTuple):
     """A kind of figure: its function in `vibroimpact.plotting`, and the results it shows.
 
-    `axes` counts those of a parameter_map, and `needs` names the indices that it must hold; a `bundled` figure draws
-    all parts of one dataset.
+    `axes` is the number of axes of a parameter_map, and `needs` names the indices that it must hold; a `bundled` figure
+    draws all parts of one dataset.
     """
 
     function: str

@@ -1,4 +1,4 @@
-"""The tables of indices: the numbers that a sweep gives for each cell."""
+"""The tables of indices, the numbers that a sweep returns for each cell."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def to_install(extra: str) -> str:
 
 
 def check_one(name: str, value: Any, other: str, other_value: Any) -> None:
-    """Refuse two arguments of which one replaces the other; None is not given."""
+    """Refuse two arguments if both are given and one replaces the other; None means not given."""
     if value is not None and other_value is not None:
         raise ValueError(f"give either `{name}` or `{other}`, not both; got {value!r} and {other_value!r}")
 

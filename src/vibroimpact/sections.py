@@ -176,8 +176,8 @@ def measure_orbit(
     """Return the indices and the status of one orbit, and all data for a picture of it, from one run.
 
     The indices equal those of `parameter_map` bit for bit, within `tolerances`; a system is run twice. The orbit is
-    followed for `periods` driving periods within `patience`; it has what `simulate` returns, and `impact_phase` in [0,
-    1). Its samples lie at multiples of 1 / `samples_per_period` of phase, the first of them at or just after the
+    followed for `periods` driving periods within `patience`; it contains the result of `simulate`, and `impact_phase`
+    in [0, 1). Its samples lie at multiples of 1 / `samples_per_period` of phase, the first of them at or just after the
     initial condition. The number of the first sample of phase 0, on the stroboscopic section, is the third result.
     """
     cell: Any = osc.cells({}, one_start(start))

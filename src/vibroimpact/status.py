@@ -52,7 +52,7 @@ _SENTENCES = {
 
 
 def window_status(*, sampled: int, wanted: int, stuck: bool, periods: float, ended: Status) -> Status:
-    """Return the status of a cell: how it ended, or else what its window shows.
+    """Return the status of a cell: its ending, or else the content of its window.
 
     It is `ended` if the window was not filled. A filled window that spans fewer than 10 periods is `short_window`;
     otherwise it is `sticking` if the mass stuck in it, else `ok`.

@@ -32,9 +32,9 @@ class ImpactWindow:
 class StroboscopicWindow:
     """Sample the motion `per_period` times per period, `keep` times in all.
 
-    The first sample is at the first time, not earlier than `skip_periods` periods after the start, whose phase is
-    `phase`, or at start + `skip_periods` T if `phase` is None; the next ones follow at intervals of T / `per_period`.
-    At an impact the state after it is given.
+    The first sample is at the first time with this `phase` that is at least `skip_periods` periods after the start, or
+    exactly so many periods after it if `phase` is None; the next ones follow at intervals of T / `per_period`. At an
+    impact the state after it is given.
     """
 
     skip_periods: int

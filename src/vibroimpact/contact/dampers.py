@@ -36,10 +36,10 @@ def damping_for(restitution: float, stiffness: float, mass: float) -> float:
 
     Notes
     -----
-    A `Stop` releases what it pushes when its force has fallen to zero. Codes that release at zero penetration let the
-    damper pull before; there r is :math:`\exp(-\pi \zeta/\sqrt{1 - \zeta^2})`, and the same r takes less damping: for r
-    = 0.6, zeta is 0.160 with that rule and 0.181 here. Springs and loads that act during the contact change r; the
-    stiffer the stop, the smaller the change.
+    A `Stop` releases the mass when its force has fallen to zero. Codes that release at zero penetration let the damper
+    pull before; there r is :math:`\exp(-\pi \zeta/\sqrt{1 - \zeta^2})`, and the same r takes less damping: for r = 0.6,
+    zeta is 0.160 with that rule and 0.181 here. Springs and loads that act during the contact change r; the stiffer the
+    stop, the smaller the change.
 
     References
     ----------

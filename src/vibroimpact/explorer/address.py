@@ -185,7 +185,7 @@ BY_NAME = {preset.name: preset for preset in PRESETS}
 
 
 def case_of(view: View) -> Preset | None:
-    """Return the case from which a view began, or whose view it is."""
+    """Return the case from which a view began, or the case whose view it equals."""
     if view.model:
         return None
     same = (preset for preset in PRESETS if _content(preset.view) == _content(view))

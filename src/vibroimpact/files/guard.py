@@ -1,4 +1,4 @@
-"""Reading files from unknown sources: from a store, only what this package writes, in the declared sizes.
+"""Reading files from unknown sources: only arrays that this package writes are read from stores, in the declared sizes.
 
 A chunk of a few kilobytes may decode to gigabytes, or be a pipe or a link to a device; a description may contain
 anything. A NetCDF file is read by HDF5, which unpacks whatever its chunks declare.

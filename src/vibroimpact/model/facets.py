@@ -38,7 +38,7 @@ def round_obstacle(
     first_at : float
         Angle of the first facet from x towards y, in degrees.
     **contact
-        `restitution`, or `stiffness` and `damping`, of every facet, as of a `Stop`.
+        `restitution`, or `stiffness` and `damping`, of every facet, as for a `Stop`.
 
     Returns
     -------

@@ -346,7 +346,7 @@ def _free_rate(*parts: bytes) -> float:
 def steady_motions(
     form: ModalForm, omegas: Floats, forces: Any, motions: Any
 ) -> tuple[dict[str, Floats], Floats, Floats]:
-    r"""Return the steady motion without stops at each frequency, and what it takes of the clearances.
+    r"""Return the steady motion without stops at each frequency, and by how much it decreases the clearances.
 
     The columns hold the steady motion, and the largest decrease of each clearance by free motion of a given energy. The
     decreases by the steady displacement and by the steady oscillation follow, NaN if there is no steady motion.

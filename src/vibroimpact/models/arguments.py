@@ -120,8 +120,7 @@ ValueError
 
 
 def checked(function: Callable[_Arguments, _Model]) -> Callable[_Arguments, _Model]:
-    """Return the function with a check of each of its named numbers; `parameters` holds their table.
-    """
+    """Return the function with a check of each of its named numbers; `parameters` holds their table."""
     parameters = {name: TABLE[name] for name in inspect.signature(function).parameters}
     if "\nRaises\n" not in inspect.cleandoc(function.__doc__ or ""):
         function = sharing(_RAISES)(function)
@@ -152,5 +151,5 @@ def sharing(sections: str) -> Callable[[_Documented], _Documented]:
 
 
 def first_given(value: float | None, usual: float) -> float:
-    """Return the restitution of a side, or that of all sides where it has none of its own."""
+    """Return the restitution of a side, or that of all sides if it has none of its own."""
     return usual if value is None else value

@@ -19,7 +19,7 @@ def slot(
     """Return the two ends of a slot along direction . q, each at half of the clearance at q = 0.
 
     They move together as amplitude sin wt, if an amplitude is given; `contact` holds their restitution, or their
-    stiffness and damping; `restitutions` are those of the two where they differ.
+    stiffness and damping; `restitutions` are those of the two ends if they differ.
     """
     return [
         Stop(

@@ -48,7 +48,7 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
         The result of `impact_section`: `time` in s, `phase`, `velocity` in m/s (dim `impact`), `release_time` (dim
         `stick`), `status`, and the oscillator or the system in its attributes.
     tolerance : float, > 0
-        The accuracy with which impacts must repeat: relative to the largest velocity, and of phases as points of the
+        The accuracy with which impacts must repeat: velocities relative to the largest one, phases as points of the
         unit circle.
     longest : int, >= 1
         The largest number of impacts in a cycle.

@@ -70,8 +70,8 @@ def impact_statistics(
     -----
     The time of a section runs from its first impact, which is not counted, to its last one, so that a periodic motion
     is counted exactly over whole cycles. Statistics of chaos are estimates from N impacts, with relative errors of
-    about :math:`1/\sqrt{N}`. Of a complete chatter, the impacts that the section lists are counted; what a stop carries
-    while a mass rests at it is not part of `mean_force`. Contacts slide without friction, so no work of sliding is
+    about :math:`1/\sqrt{N}`. In a complete chatter, the impacts listed in the section are counted; the force on a stop
+    while a mass rests at it is not included in `mean_force`. Contacts slide without friction, so no work of sliding is
     included. Cost: that of the section.
 
     Examples

@@ -148,7 +148,7 @@ class Orbit(Shown):
 
     @property
     def lyapunov(self) -> float:
-        """Largest exponent in 1/s: ln of the spectral radius over the cycle's time; -inf where that is 0."""
+        """Largest exponent in 1/s: ln of the spectral radius per time of the cycle; -inf if the radius is 0."""
         return math.log(self.spectral_radius) / self.period if self.spectral_radius > 0.0 else -math.inf
 
     @property

@@ -1,4 +1,4 @@
-"""The fine grid as far as it is known, and the order in which it is computed: finer and finer where motions change."""
+"""The fine grid, as far as it is known, and its order of computation: finer and finer where motions change."""
 
 from __future__ import annotations
 

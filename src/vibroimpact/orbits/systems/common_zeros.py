@@ -79,7 +79,7 @@ class Rectangles(NamedTuple):
         return Rectangles(intervals[chosen], *(column[chosen] for column in rest))
 
     def halved(self, along: NDArray[np.bool_]) -> Rectangles:
-        """Return the two halves of each, cut along the duration where `along`, else along the angle."""
+        """Return the two halves of each: of its duration where `along` is true, else of its angle."""
         halves, wides = np.where(along, 0.5, 1.0) * self.halves, np.where(along, 1.0, 0.5) * self.wides
         offset, turn = np.where(along, halves, 0.0), np.where(along, 0.0, wides)
         low = Rectangles(self.intervals, self.places - offset, self.angles - turn, halves, wides)
