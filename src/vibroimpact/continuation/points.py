@@ -107,7 +107,7 @@ class Point(Solution):
         return self.at(solution, jacobian) if corrections else None
 
     def furthest(self, other: Point, halvings: int, holds: Callable[[Point], bool]) -> Point:
-        """Return the last point on the way to another at which a condition holds that is true here."""
+        """Return the last point on the way to another at which a condition that holds here still holds."""
         inside, outside = self, other
         for _ in range(halvings):
             middle = inside.middle(outside)

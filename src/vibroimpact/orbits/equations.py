@@ -30,8 +30,8 @@ E0 = E(0) and E = E(i w),
     (f/m) Im(e^{i psi} E)          = r q v + (k g/m) E0,
     (f/m) Im(e^{i psi} (q + i w E)) = (1 + r q') v + (k g/m) q.
 
-Two linear equations give sin psi and cos psi as straight lines in v; sin^2 + cos^2 = 1 is a quadratic in v. This is the
-usual (alpha^2 + beta^2/w^2) v^2 + 2 alpha g v + g^2 - R^2 = 0 (S. W. Shaw and P. J. Holmes, J. Sound Vib. 90 (1983)
+Two linear equations give sin psi and cos psi as linear functions of v; sin^2 + cos^2 = 1 is a quadratic in v. This is
+the usual (alpha^2 + beta^2/w^2) v^2 + 2 alpha g v + g^2 - R^2 = 0 (S. W. Shaw and P. J. Holmes, J. Sound Vib. 90 (1983)
 129-155), but none of its terms becomes infinite at resonance.
 """
 
