@@ -92,7 +92,7 @@ class Equations(ABC):
 
     @abstractmethod
     def possible(self, x: Floats) -> bool:
-        """Whether the flights are defined there."""
+        """Whether the flights are defined at x."""
 
     @abstractmethod
     def flights(self, x: Floats) -> Floats:

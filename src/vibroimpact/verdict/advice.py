@@ -2,8 +2,8 @@
 
 A change is found with a few initial conditions and tested with many: 256 spread over the impact surface, the known
 orbits of one impact at the new value, the present motions, changed at 128 instants of each cycle, and their orbits,
-continued along the parameter to the value. A change is rejected, and the next value tried, if from only one of them the
-mass hits harder than the motions to be softened.
+continued along the parameter to the value. A change is rejected, and the next value tried, if the mass hits harder than
+the motions to be softened from even one of them.
 """
 
 from __future__ import annotations
