@@ -112,7 +112,7 @@ def child(*arguments: str, **options):
         ("basins --x omega=0:2:10 --y velocity=0:1:5", "unknown coordinate 'omega'; choose from"),
         (
             "basins --x displacement=0:1:5 --y velocity=0:1:5",
-            "the axes must stay before all .* 'stop' by 0.25 m",
+            "the axes must stay in front of all .* 'stop' by 0.25 m",
         ),
         ("basins --x phase=0:1:4 --y displacement=0:1:5", "the axes must be .*, got `phase`, `displacement`"),
         ("map --x omega=1:2:3 --y m=1:2:3 --refine 1 --tile 9", "`tile` needs a `cluster`"),
