@@ -250,7 +250,7 @@ CLUSTER = _how(
     "cluster", "WHERE", "Compute on a Dask cluster: tcp://HOST:PORT of its scheduler, or local:N processes here.",
     read=str,
 )  # fmt: skip
-TILE = _how("tile", "N", "Cells per tile of a store or cluster, about. (default: 4096; 4 with slow back ends)")
+TILE = _how("tile", "N", "Approximate cells per tile of a store or cluster. (default: 4096; 4 with slow back ends)")
 REFINE = _how("refine", "L", "Halve the intervals of both axes L times, and compute only where the motion changes.")
 STEP = _how(
     "step", "X", "Longest step along a curve, as a fraction of the ranges and of a driving period.", default=0.01
@@ -367,7 +367,7 @@ SHOWN = (
         "stop", "NAME", "For systems: the stop whose clearance, or whose map of `--by-stop`, a figure shows.", read=str
     ),
 )
-INDEX = _output("index", "NAME", "Index that a figure shows. (default: the first of a sweep, none of a diagram)")
+INDEX = _output("index", "NAME", "Index that a figure shows. (default: the first for a sweep, none for a diagram)")
 LEVEL = _output("level", "X", "Contour level at which the boundary is drawn, in the unit of the index.", check=_level)
 SWEEP_FILE = _output(
     "sweep", "FILE", "A saved map over the axis of the diagram FILE: draws its index on top.", kind=PATH
