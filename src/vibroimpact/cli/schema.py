@@ -255,6 +255,7 @@ REFINE = _how("refine", "L", "Halve the intervals of both axes L times, and comp
 STEP = _how(
     "step", "X", "Longest step along a curve, as a fraction of the ranges and of a driving period.", default=0.01
 )
+OF = Option("of", "NAME", "A point, a stop (its clearance) or the number of a coordinate.", "What to compute")
 LINES = _how("lines", "N", "Lines across the plane, each way, to search for boundaries on.", default=5)
 DOUBLINGS = _how(
     "doublings", "N", "Number of period doublings to follow into the doubled orbits.", check=_whole(0), default=0
