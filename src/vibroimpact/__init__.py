@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from vibroimpact import contact, models, plotting
     from vibroimpact.coexistence import attractors, basins
-    from vibroimpact.continuation import boundary_curves, continue_boundary, continue_orbit, switch_branch
+    from vibroimpact.continuation import (
+        boundary_curves,
+        continue_boundary,
+        continue_orbit,
+        response_curve,
+        switch_branch,
+    )
     from vibroimpact.diagrams import bifurcation_diagram
     from vibroimpact.explorer.notebook import explore
     from vibroimpact.families import family
@@ -25,6 +31,7 @@ if TYPE_CHECKING:
     from vibroimpact.options import Tolerances
     from vibroimpact.orbits import Orbit, find_orbit
     from vibroimpact.orbits.sticking_end import end_of_sticking
+    from vibroimpact.orbits.systems.response import response_of
     from vibroimpact.refinement import to_uniform
     from vibroimpact.sections import impact_map, impact_section, simulate, stroboscopic_section
     from vibroimpact.status import Status
@@ -52,7 +59,8 @@ _NAMES = {
     "motion.classes": "classify",
     "orbits": "Orbit find_orbit",
     "orbits.sticking_end": "end_of_sticking",
-    "continuation": "continue_orbit switch_branch continue_boundary boundary_curves",
+    "orbits.systems.response": "response_of",
+    "continuation": "continue_orbit switch_branch continue_boundary boundary_curves response_curve",
     "coexistence": "attractors basins",
     "verdict": "describe compare",
     "explorer.notebook": "explore",
@@ -93,6 +101,8 @@ __all__ = [
     "plotting",
     "recognise",
     "refined_map",
+    "response_curve",
+    "response_of",
     "round_obstacle",
     "save",
     "simulate",

@@ -43,6 +43,7 @@ KINDS = {
     "exponent-map": Kind("exponent_map", ("parameter_map",), axes=2, needs=("lyapunov",)),
     "index-scatter": Kind("index_scatter", ("parameter_map",)),
     "branch-diagram": Kind("branch_diagram", ("continue_orbit",), bundled=True),
+    "response-curve": Kind("response_curve", ("response_curve",)),
     "boundaries": Kind("boundaries", ("boundary_curves", "continue_boundary"), bundled=True),
     "basin-portrait": Kind("basin_portrait", ("basins",)),
     "comparison": Kind("comparison_figure", ("compare",)),

@@ -104,6 +104,7 @@ def commands() -> Any:
     from vibroimpact.cli.files import explore, info, plot, reproduce, warm_up
     from vibroimpact.cli.models import models
     from vibroimpact.cli.orbits import boundary, follow, orbit
+    from vibroimpact.cli.response import response
 
     app = typer.Typer(
         name="vibroimpact",
@@ -146,7 +147,13 @@ def commands() -> Any:
 
     panels: dict[str, dict[str, Any]] = {
         "Motions and sweeps": {"simulate": simulate, "section": section, "diagram": diagram, "map": parameter_map},
-        "Orbits and boundaries": {"orbit": orbit, "continue": follow, "boundary": boundary, "basins": basins},
+        "Orbits and boundaries": {
+            "orbit": orbit,
+            "continue": follow,
+            "response": response,
+            "boundary": boundary,
+            "basins": basins,
+        },
         "Verdicts": {"describe": describe, "compare": compare},
         "Machines": {"models": models},
         "Explorer": {"explore": explore},

@@ -282,6 +282,12 @@ def _ranges(study: Study, count: int, *, contain: bool = True) -> dict[str, Rang
     return {name: (float(values[0]), float(values[-1])) for name, values in study.axes.items()}
 
 
+def one_range(study: Study) -> tuple[str, Range]:
+    """Return the one parameter to vary and its range, wherever the model itself lies."""
+    ((parameter, span),) = _ranges(study, 1, contain=False).items()
+    return parameter, span
+
+
 def _nothing(message: str, options: Options) -> NoReturn:
     """End a command that found nothing: a failure only if a file was to be written."""
     if options["out"] is not None:

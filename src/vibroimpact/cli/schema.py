@@ -256,6 +256,7 @@ STEP = _how(
     "step", "X", "Longest step along a curve, as a fraction of the ranges and of a driving period.", default=0.01
 )
 LINES = _how("lines", "N", "Lines in each direction of the plane to search for boundaries.", default=5)
+OF = Option("of", "NAME", "A point, a stop (its clearance) or the number of a coordinate.", "What to compute")
 DOUBLINGS = _how(
     "doublings", "N", "Number of period doublings to follow into the doubled orbits.", check=_whole(0), default=0
 )

@@ -13,7 +13,7 @@ import numpy as np
 from vibroimpact.continuation.bifurcations import between, lost_contact
 from vibroimpact.continuation.equations import Equations, Range
 from vibroimpact.continuation.flights import equations_of
-from vibroimpact.continuation.following import MOST_POINTS, Way, both_ways, check_range, check_share, follow
+from vibroimpact.continuation.following import EDGE, MOST_POINTS, Way, both_ways, check_range, check_share, follow
 from vibroimpact.continuation.points import Point, Solution
 from vibroimpact.continuation.results import BifurcationPoint, Branch, course
 from vibroimpact.orbits.equations import Floats
@@ -259,6 +259,8 @@ def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Gen
             way.end = halved.kind
             return None
         for special in between(before, after):
+            if special.equations.soft and abs(special.on_branch[-1] - before.x[-1]) <= EDGE:
+                continue  # the graze that the branch comes from
             way.special.append(special)
             if special.equations.soft:
                 way.end = "grazing"

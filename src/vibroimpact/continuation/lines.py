@@ -56,11 +56,11 @@ def points_on_line(
 
     For symmetric systems, those of orbits with one impact in each half of a cycle are included.
     """
-    covered: dict[Hashable, list[Floats]] = defaultdict(list)
+    followed: dict[Hashable, list[Floats]] = defaultdict(list)
     for value in np.linspace(*range, SEEDS).tolist():
         look(0, UNKNOWN, None)
         for seed in _seeds(model.replace(**{parameter: value}), n):
-            if any(_covered(rows, value, seed.velocity) for rows in covered[seed.struck]):
+            if any(covered(rows, value, seed.velocity) for rows in followed[seed.struck]):
                 continue
             orbit = seed.orbit()
             if not orbit.admissible:
@@ -68,7 +68,7 @@ def points_on_line(
             equations, solved = equations_of(orbit, (parameter,), (range,))
             for way in both_ways(partial(walk, equations, equations.pack(solved), longest, False), look):
                 rows = [[p.value, p.equations.velocities(p.x)[0]] for p in way.points]
-                covered[seed.struck].append(np.array(rows))
+                followed[seed.struck].append(np.array(rows))
                 yield from (special.bifurcation(parameter) for special in way.special)
 
 
@@ -89,7 +89,7 @@ def ends_on_line(model: Model, parameter: str, range: Range, n: int, report: Rep
                 yield end
 
 
-def _covered(branch: Floats, value: float, speed: float) -> bool:
+def covered(branch: Floats, value: float, speed: float) -> bool:
     """Whether an orbit is on a branch already followed: between two of its points in parameter and velocity."""
     values, speeds = branch.T
     around = np.flatnonzero((values[:-1] - value) * (values[1:] - value) <= 0.0)

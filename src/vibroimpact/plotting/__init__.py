@@ -26,6 +26,7 @@ from vibroimpact.plotting.diagrams import bifurcation_diagram, diagram_with_inde
 from vibroimpact.plotting.maps import boundary_lines, index_contour, index_scatter, index_surface
 from vibroimpact.plotting.motions import basin_portrait, exponent_map, motion_map
 from vibroimpact.plotting.orbits import phase_portrait, time_history
+from vibroimpact.plotting.response import response_curve
 from vibroimpact.plotting.sections import impact_map, stroboscopic_map
 from vibroimpact.plotting.statistics import impact_histogram
 from vibroimpact.plotting.style import SAMPLE_DIMS
@@ -52,6 +53,7 @@ __all__ = [
     "motion_map",
     "oscillator_sketch",
     "phase_portrait",
+    "response_curve",
     "save_figure",
     "stroboscopic_map",
     "time_history",
@@ -117,7 +119,7 @@ def default_kind(dataset: xr.Dataset) -> str:
         return kinds[0]
     raise ValueError(
         "`dataset` must be a result of simulate, a section, bifurcation_diagram, parameter_map over one or two axes, "
-        f"continue_orbit, boundary_curves, basins, impact_statistics or compare, got {len(axes)} axes; "
+        f"continue_orbit, response_curve, boundary_curves, basins, impact_statistics or compare, got {len(axes)} axes; "
         "select values of further axes with .sel"
     )
 

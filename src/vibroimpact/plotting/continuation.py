@@ -87,11 +87,11 @@ def _along(followed: xr.Dataset) -> list[str]:
 
 
 class Part(NamedTuple):
-    """A stretch of a branch drawn in one style: parameter values, and the velocities of each impact."""
+    """A stretch of a branch drawn in one style: parameter values, and heights, such as velocities of each impact."""
 
     look: int
     values: Floats
-    velocities: Floats
+    heights: Floats
 
 
 @on_axes
@@ -131,24 +131,24 @@ def branch_diagram(branches: Any, diagram: xr.Dataset | None = None, ax: Axes | 
     in_view = [heights]
     for branch, name in zip(drawn, names, strict=True):
         for part in split(branch, parameter):
-            ax.plot(part.values, part.velocities, color=colors[name], zorder=3, **LOOKS[part.look] | {"label": None})
+            ax.plot(part.values, part.heights, color=colors[name], zorder=3, **LOOKS[part.look] | {"label": None})
             looks.add(part.look)
-            in_view += [part.velocities.ravel()] if part.look != INADMISSIBLE else []
+            in_view += [part.heights.ravel()] if part.look != INADMISSIBLE else []
     entries += [Line2D([], [], color=color, linewidth=2.0, label=name) for name, color in colors.items()]
     entries += [Line2D([], [], color=INK, **LOOKS[look]) for look in sorted(looks)]
     set_height(ax, drawn[0], "velocity", np.concatenate(in_view))
     labels.label_axes(ax, drawn[0][parameter], drawn[0]["velocity"])
-    entries += _draw_special(ax, drawn)
+    entries += draw_special(ax, drawn)
     style.legend_below(ax, entries)
     return ax
 
 
-def split(branch: xr.Dataset, parameter: str) -> Iterator[Part]:
+def split(branch: xr.Dataset, parameter: str, quantity: str = "velocity") -> Iterator[Part]:
     """Yield the stretches of a branch on which its orbits are all stable, all unstable, or all inadmissible.
 
     A special point belongs to both stretches that meet at it.
     """
-    values, velocities = branch[parameter].values, branch["velocity"].transpose("point", "impact").values
+    values, heights = branch[parameter].values, branch[quantity].transpose("point", ...).values
     stable, admissible = (branch[name].values.astype(bool) for name in ("stable", "admissible"))
     looks = np.where(admissible, np.where(stable, STABLE, UNSTABLE), INADMISSIBLE)
     special = np.isin(values, branch["special_value"].values)
@@ -164,7 +164,7 @@ def split(branch: xr.Dataset, parameter: str) -> Iterator[Part]:
         between = looks
     cuts = np.flatnonzero(np.diff(between)) + 1
     for i, j in zip([0, *cuts], [*cuts, len(between)], strict=True):
-        yield Part(int(between[i]), values[i : j + 1], velocities[i : j + 1])
+        yield Part(int(between[i]), values[i : j + 1], heights[i : j + 1])
 
 
 def _before(kind: str, beyond: int, otherwise: int) -> int:
@@ -174,21 +174,21 @@ def _before(kind: str, beyond: int, otherwise: int) -> int:
     return {STABLE: UNSTABLE, UNSTABLE: STABLE}.get(beyond, beyond)
 
 
-def _special_points(drawn: list[xr.Dataset]) -> Iterator[tuple[str, float, Floats]]:
-    """Yield kind, parameter value and impact velocities of each special point once."""
+def _special_points(drawn: list[xr.Dataset], quantity: str) -> Iterator[tuple[str, float, Floats]]:
+    """Yield kind, parameter value and heights of each special point once."""
     met: list[tuple[str, float]] = []
     for branch in drawn:
-        rows = branch["special_velocity"].transpose("special", "impact").values
+        rows = branch[f"special_{quantity}"].transpose("special", ...).values.reshape(branch.sizes["special"], -1)
         for kind, value, row in zip(_kinds(branch["special_kind"]), branch["special_value"].values, rows, strict=True):
             if not any(kind == other and np.isclose(value, at, rtol=1e-9, atol=0.0) for other, at in met):
                 met.append((kind, float(value)))
                 yield kind, float(value), row[np.isfinite(row)]
 
 
-def _draw_special(ax: Axes, drawn: list[xr.Dataset]) -> list[Line2D]:
+def draw_special(ax: Axes, drawn: list[xr.Dataset], quantity: str = "velocity") -> list[Line2D]:
     """Mark and name the special points of all branches; return the legend's entries."""
     entries, names = {}, []
-    for kind, value, speeds in _special_points(drawn):
+    for kind, value, speeds in _special_points(drawn, quantity):
         special = SPECIAL[kind]
         look = DOTS | {"marker": special.marker, "markersize": 6.5, "zorder": 5, "markeredgewidth": 0.8}
         look |= dict(zip(("color", "markeredgecolor"), BOUNDARY_COLORS[kind], strict=True))

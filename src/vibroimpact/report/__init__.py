@@ -231,6 +231,23 @@ def _bounded_motion(curve: xr.Dataset, grazes: bool) -> str:
     return f"{motion}, " + (f"stable at {stable.sum()} of these points" if stable.any() else "unstable")
 
 
+def _response(dataset: xr.Dataset) -> Iterator[str]:
+    (name,) = _varied(dataset)
+    units = dataset[name].attrs["units"]
+    yield str(dataset.attrs["message"])
+    amplitude, rms = (dataset[key].values for key in ("amplitude", "rms"))
+    at = int(np.nanargmax(amplitude))
+    stable = "stable" if dataset["stable"].values[at] else "unstable"
+    largest, where = quantity(amplitude[at], "m", 6), quantity(dataset[name].values[at], units, 6)
+    yield f"largest amplitude {largest} (rms {quantity(rms[at], 'm', 6)}) at {name} = {where}, {stable}"
+    kinds, heights = _meanings(dataset["special_kind"]), dataset["special_amplitude"].values
+    for code, value, height in zip(
+        dataset["special_kind"].values, dataset["special_value"].values, heights, strict=True
+    ):
+        where = f"{name} = {quantity(value, units)}, amplitude {quantity(height, 'm', 6)}"
+        yield f"  {bifurcation_name(kinds[int(code)])} at {where}"
+
+
 # Basins and comparisons
 
 
@@ -277,6 +294,7 @@ _SUMMARIES: dict[str, Callable[[xr.Dataset], Iterator[str]]] = {
     "classify": map_sentences,
     "find_orbit": _orbits,
     "continue_orbit": _branches,
+    "response_curve": _response,
     "continue_boundary": _boundaries,
     "boundary_curves": _boundaries,
     "basins": _basins,

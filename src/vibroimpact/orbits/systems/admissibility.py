@@ -208,10 +208,15 @@ def sampled(leg: Leg) -> Samples:
 
 def clearances(flow: Flow, pushing: Pushing) -> Floats:
     """Return the coefficients of the power series of each clearance as linear forms of state and drive."""
+    return series_of(flow, pushing, np.hstack([-flow.beta / flow.units, np.zeros_like(flow.beta), flow.bounds]))
+
+
+def series_of(flow: Flow, pushing: Pushing, forms: Floats) -> Floats:
+    """Return the coefficients of the power series of linear forms of state and drive, as such forms."""
     phase = flow.phase(pushing)
     whole = block_matrix(phase.matrix, phase.load, np.zeros(phase.load.T.shape), flow.turning)
-    series = np.zeros((len(flow.beta), TERMS, len(whole)))
-    series[:, 0] = np.hstack([-flow.beta / flow.units, np.zeros_like(flow.beta), flow.bounds])
+    series = np.zeros((len(forms), TERMS, len(whole)))
+    series[:, 0] = forms
     for j in range(1, TERMS):
         series[:, j] = series[:, j - 1] @ whole / j
     return series

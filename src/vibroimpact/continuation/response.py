@@ -1,0 +1,301 @@
+"""Response curves: how far a forced system swings along one parameter, with and without contact."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from vibroimpact.cells import Floats
+from vibroimpact.continuation.branch import continue_orbit
+from vibroimpact.continuation.equations import Range
+from vibroimpact.continuation.following import check_range, check_share
+from vibroimpact.continuation.lines import covered
+from vibroimpact.continuation.results import BifurcationPoint, Branch, axis, kind_variable
+from vibroimpact.dataset import dataset_of, flags, plain_variable, provenance
+from vibroimpact.model import Model, check_model
+from vibroimpact.orbits.search import find_orbit
+from vibroimpact.orbits.systems.response import Response, Steady, observed, response_of, steady_motion
+from vibroimpact.parameters import counted, invalid
+from vibroimpact.progress import Report, reporter
+from vibroimpact.showing import Shown, Table
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+AROUND = np.linspace(-8.0, 8.0, 33)  # half-widths of a resonance at which the motion without contact is computed
+INSIDE = 1e-3  # of an interval with contact: how far from its ends orbits are sought
+LABELS = {  # of the fields of a Response, in their order
+    "amplitude": ("half of the peak-to-peak value", "m", "amplitude"),
+    "rms": ("root mean square", "m", "rms"),
+    "mean": ("mean", "m", "mean"),
+    "harmonic_amplitude": ("amplitude at the driving frequency", "m", "amplitude at w"),
+    "harmonic_phase": ("phase at the driving frequency", "rad", "phase at w"),
+}
+NOTHING = Response(*[math.nan] * len(LABELS))
+PART, IMPACTS = {"long_name": "part of the curve"}, {"long_name": "impacts in a cycle", "units": "1"}
+STABLE = "unstable", "stable"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ResponseCurve(Shown):
+    """How far a system swings along one parameter: motions without contact, and branches of orbits with contact.
+
+    Attributes
+    ----------
+    parameter : str
+        The parameter that varies.
+    of : str, int or sequence of float, or None
+        What is observed.
+    model : ImpactOscillator, ImpactSystem or family
+        The model.
+    steady : list of (n,) array
+        Values of the parameter on each part of the curve without contact, ascending.
+    branches : list of Branch
+        The branches of orbits with contact, with their folds and other bifurcations.
+    message : str
+        What was found, in sentences.
+    """
+
+    parameter: str
+    of: Any
+    model: Model
+    steady: list[Floats]
+    branches: list[Branch]
+    message: str
+    arguments: dict[str, Any]
+
+    @cached_property
+    def dataset(self) -> xr.Dataset:
+        """The curve as a labelled dataset over `point`, its special points over `special`; a line joins each `part`."""
+        points = [_Points(at, values, *self._free(values)) for at, values in enumerate(self.steady)]
+        points += [self._of_orbits(at, branch) for at, branch in enumerate(self.branches, len(points))]
+        special = self.special
+        content = _responses("point", [row for part in points for row in part.rows])
+        content |= {
+            "part": plain_variable("point", np.repeat([p.part for p in points], [len(p.rows) for p in points]), PART),
+            "impacts": plain_variable("point", np.concatenate([p.impacts for p in points]), IMPACTS),
+            "stable": flags("point", np.concatenate([p.stable for p in points]), "whether it is stable", STABLE),
+            "special_kind": kind_variable("special", [point.kind for point in special]),
+            "special_value": axis(self.model, self.parameter, "special", [point.value for point in special]),
+        }
+        of_special = _responses("special", [response_of(point.orbit, self.of) for point in special])
+        content |= {f"special_{name}": column for name, column in of_special.items()}
+        values = np.concatenate([part.values for part in points])
+        attrs = provenance("response_curve", self.model, self.arguments) | {"message": self.message}
+        return dataset_of(content, {self.parameter: axis(self.model, self.parameter, "point", values)}, attrs)
+
+    def _free(self, values: Floats) -> tuple[list[Response], Floats, Floats]:
+        """Return responses, impacts and stability of the motion without contact."""
+        row, stop = observed(_system(self.model), self.of)
+        motions = [_steady(self.model, self.parameter, value) for value in values.tolist()]
+        rows = [NOTHING if motion is None else motion.response(row, stop) for motion in motions]
+        return rows, np.zeros(len(rows), int), np.ones(len(rows), int)
+
+    def _of_orbits(self, at: int, branch: Branch) -> _Points:
+        rows = [response_of(orbit, self.of) for orbit in branch.orbits]
+        impacts, stable = np.array([(orbit.n_impacts, orbit.stable) for orbit in branch.orbits]).T
+        return _Points(at, branch.values, rows, impacts, stable)
+
+    @property
+    def special(self) -> list[BifurcationPoint]:
+        """The bifurcations on all branches."""
+        return [point for branch in self.branches for point in branch.special]
+
+    def _table(self) -> Table:
+        largest = self.dataset["amplitude"].values
+        at = int(np.nanargmax(largest))
+        where = f"{self.parameter} = {self.dataset[self.parameter].values[at]:.6g}"
+        rows = [(b.orbits[0].name, len(b.orbits), *np.sort(b.values[[0, -1]]).tolist()) for b in self.branches]
+        head = ("orbits with contact", "number", "from", "to")
+        notes = [f"largest amplitude: {largest[at]:.4g} m at {where}", self.message]
+        return Table(f"response along {self.parameter}", head, rows, notes)
+
+
+class _Points(NamedTuple):
+    """The points of one part of a curve."""
+
+    part: int
+    values: Floats
+    rows: list[Response]
+    impacts: Any
+    stable: Any
+
+
+def _responses(dim: str, rows: list[Response]) -> dict[str, Any]:
+    """Return responses as labelled variables."""
+    columns = np.array(rows).reshape(-1, len(LABELS)).T
+    return {
+        name: plain_variable(dim, column, {"long_name": long_name, "units": units, "symbol": symbol})
+        for (name, (long_name, units, symbol)), column in zip(LABELS.items(), columns, strict=True)
+    }
+
+
+def response_curve(
+    model: Model, *, of: Any = None, step: float = 0.01, progress: bool | Report = False, **axes: Range
+) -> ResponseCurve:
+    """Follow how far a forced system swings along one parameter, with its folds and where contact begins.
+
+    The curve consists of the steady motion without contact, in closed form, wherever that keeps clear of all stops, and
+    of the branches of period-1 orbits with one impact, or with one in each half of the period, that begin where it
+    grazes. Branches are followed through folds, stable and unstable parts alike.
+
+    Parameters
+    ----------
+    model : ImpactOscillator, ImpactSystem or family
+        The model; it needs a periodic load or a moving stop.
+    of : str, int or sequence of n float, optional
+        What is observed, as in `response_of`: a point, a stop (its clearance) or a coordinate.
+    step : float, 1e-6 to 0.5
+        Longest step along branches, as in `continue_orbit`, and share of the range between steady motions.
+    progress : bool or callable
+        True shows a count; a callable gets (orbits done, None, None) and stops the computation by returning False.
+    **axes : tuple of two float
+        One parameter and its lowest and highest value, such as ``omega=(280, 340)``.
+
+    Returns
+    -------
+    ResponseCurve
+        With `dataset` (amplitude, rms, mean and first harmonic at each point of the curve), `branches` and `message`.
+
+    Raises
+    ------
+    ValueError
+        There is not exactly one range, `of` does not name anything in the model, or the model has no periodic load.
+
+    Notes
+    -----
+    Motions with more impacts per period, subharmonic and chaotic motions are not part of the curve: where it is
+    unstable, a `bifurcation_diagram` shows what the system does. Branches that are not connected to the curve are
+    found if they exist at the middle or at an end of an interval with contact. For accuracy and cost see
+    `continue_orbit` and `response_of`.
+
+    Examples
+    --------
+    >>> import vibroimpact as vi
+    >>> stop = vi.Stop(direction=1, gap=1.0, stiffness=0.5, damping=0.0)
+    >>> force = vi.Force(omega=1.0, harmonics={1: 0.1})
+    >>> system = vi.ImpactSystem(mass=1.0, damping=0.05, stiffness=1.0, force=force, stops=[stop])
+    >>> curve = vi.response_curve(system, omega=(0.8, 1.4), step=0.05)
+    >>> [(point.kind, round(point.value, 6)) for point in curve.special]
+    [('grazing', 0.955059), ('fold', 1.046094), ('fold', 1.040426), ('grazing', 1.041807)]
+    >>> f"{float(curve.dataset['amplitude'].max()):.2f} m"
+    '1.93 m'
+    """
+    check_model(model)
+    if len(axes) != 1:
+        raise invalid("axes", tuple(axes), "exactly one parameter with its range", "for example omega=(1.0, 2.0)")
+    ((parameter, ends),) = axes.items()
+    ends, longest = check_range(model, parameter, ends, None), check_share("step", step)
+    observed(_system(model), of)
+    form = _system(model).modal()
+    if not (form.forces.any() or form.motions.any()):
+        raise ValueError("the model has no periodic load and no moving stop; a response curve needs one")
+    values = _grid(model, parameter, ends, longest)
+    free, touching = _without_contact(model, parameter, values)
+    with reporter(progress, "orbits") as report:
+        branches = _branches(model, parameter, ends, touching, longest, report)
+    message = (
+        f"{counted(len(free), 'part')} without contact and {counted(len(branches), 'part')} with contact, along "
+        f"{parameter} from {ends[0]:.6g} to {ends[1]:.6g}"
+    )
+    arguments = {"range": ends, "of": of if isinstance(of, str | int | None) else list(of), "step": longest}
+    return ResponseCurve(parameter, of, model, free, branches, message, arguments)
+
+
+def _system(model: Model, **values: float) -> Any:
+    """Return the design of a model as a system."""
+    design = model.at(**values)
+    return design.system if design.forgets else design
+
+
+def _steady(model: Model, parameter: str, value: float) -> Steady | None:
+    return steady_motion(_system(model, **{parameter: value}))
+
+
+def _grid(model: Model, parameter: str, ends: Range, longest: float) -> Floats:
+    """Return evenly spaced values and, of frequencies, some around each resonance of the motion without contact."""
+    values = np.linspace(*ends, math.ceil(1.0 / longest) + 1)
+    if parameter not in ("omega", "frequency"):
+        return values
+    form = _system(model).modal()
+    rates = np.sqrt(form.squares)
+    widths = 0.5 * np.diag(form.damping)
+    near = (rates + np.multiply.outer(AROUND, widths)).ravel() / (2.0 * math.pi if parameter == "frequency" else 1.0)
+    return np.unique(np.append(values, near[(near > ends[0]) & (near < ends[1])]))
+
+
+def _without_contact(model: Model, parameter: str, values: Floats) -> tuple[list[Floats], list[Range]]:
+    """Return the values at which the steady motion touches no stop, part by part, and the intervals between them."""
+    from scipy.optimize import brentq
+
+    def margin(value: float) -> float:
+        motion = _steady(model, parameter, value)
+        return -math.inf if motion is None else float(motion.clearances().min(initial=math.inf))
+
+    margins = [margin(value) for value in values.tolist()]
+    free: list[list[float]] = [[]] if margins[0] >= 0.0 else []
+    touching = [] if margins[0] >= 0.0 else [[float(values[0])]]
+    for (low, before), (high, after) in pairwise(zip(values.tolist(), margins, strict=True)):
+        if before >= 0.0:
+            free[-1].append(low)
+        if (before >= 0.0) == (after >= 0.0):
+            continue
+        finite = math.isfinite(before) and math.isfinite(after)
+        graze = float(brentq(margin, low, high, xtol=1e-14 * high)) if finite else (low if before >= 0.0 else high)
+        if before >= 0.0:
+            free[-1].append(graze)
+            touching.append([graze])
+        else:
+            touching[-1].append(graze)
+            free.append([graze])
+    (free if margins[-1] >= 0.0 else touching)[-1].append(float(values[-1]))
+    return [np.unique(part) for part in free], [(part[0], part[-1]) for part in touching]
+
+
+def _branches(
+    model: Model, parameter: str, ends: Range, touching: list[Range], longest: float, report: Report
+) -> list[Branch]:
+    """Return the branches of orbits with contact that begin near the ends or in the middle of each interval."""
+    branches: list[Branch] = []
+    done = 0
+
+    def count(number: int, *_: Any) -> Any:
+        return report(done + number, None, None)  # type: ignore[arg-type]
+
+    for low, high in touching:
+        inside = INSIDE * (high - low)
+        for value in (low + inside, high - inside, 0.5 * (low + high)):
+            for orbit in _orbits(model.replace(**{parameter: value})):
+                if any(_on(branch, value, orbit) for branch in branches):
+                    continue
+                with suppress(ValueError):
+                    branches.append(continue_orbit(orbit, parameter, ends, step=longest, progress=count, virtual=False))
+                    done += len(branches[-1].orbits)
+    return branches
+
+
+def _orbits(model: Model) -> Iterator[Any]:
+    """Yield the admissible period-1 orbits with one impact, or with one in each half."""
+    found = list(find_orbit(model))
+    if not model.at().forgets:
+        found += find_orbit(model, symmetric=True)
+    yield from (orbit for orbit in found if orbit.admissible and orbit.n_impacts > 0)
+
+
+def _on(branch: Branch, value: float, orbit: Any) -> bool:
+    """Return whether an orbit lies on a branch, between two of its orbits in parameter and speed, on the same stops."""
+    alike = {_struck(other) for other in branch.orbits}
+    rows = np.array([[other.value(branch.parameter), max(other.velocities)] for other in branch.orbits])
+    return _struck(orbit) in alike and covered(rows, value, max(orbit.velocities))
+
+
+def _struck(orbit: Any) -> Any:
+    """Return the stops that an orbit strikes; None where there is one stop only."""
+    return None if orbit.oscillator.forgets else frozenset(orbit.stops)
