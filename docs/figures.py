@@ -26,6 +26,7 @@ IMAGES = DOCS / "images"
 # Most are those of the gallery: a script, or a page whose program it is, and the pictures that it leaves, in order.
 PICTURES = {
     "index.md": ["hardest-hit"],
+    "guide/response.md": ["response"],
     "guide/supports.md": ["supports"],
     "applications/tube_in_support": ["tube-in-support"],
     "applications/tube_in_two_supports": ["tube-in-two-supports"],

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 AROUND = np.linspace(-8.0, 8.0, 33)  # half-widths of a resonance at which the motion without contact is computed
 INSIDE = 1e-3  # of an interval with contact: how far from its ends orbits are sought
 LABELS = {  # of the fields of a Response, in their order
-    "amplitude": ("half of the peak-to-peak value", "m", "amplitude"),
+    "amplitude": ("amplitude (half of the peak-to-peak value)", "m", "amplitude"),
     "rms": ("root mean square", "m", "rms"),
     "mean": ("mean", "m", "mean"),
     "harmonic_amplitude": ("amplitude at the driving frequency", "m", "amplitude at w"),
