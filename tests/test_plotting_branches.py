@@ -104,7 +104,7 @@ def test_the_samples_lie_in_grey_beneath_and_on_the_stable_part(branch, diagram,
     x, y = dots.get_data()
     between = (x > 1.6) & (x < 2.5)
     stable = next(part for part in split(branch.dataset, "omega") if part.values[0] < 2.0 < part.values[-1])
-    np.testing.assert_allclose(y[between], np.interp(x[between], stable.values, stable.velocities[:, 0]), rtol=2e-2)
+    np.testing.assert_allclose(y[between], np.interp(x[between], stable.values, stable.heights[:, 0]), rtol=2e-2)
     assert legend_texts(ax)[0] == "impact velocity (one dot per impact)"
 
 

@@ -82,6 +82,13 @@ def boundary_of(request):
     return [vi.continue_boundary(point, tuple(plane), tuple(box)) for point in branch.special[:2]]
 
 
+def response_of(request):
+    """Return the response curve of an oscillator around its natural frequency."""
+    osc = REQUESTS[request][0]
+    ends = 0.4 * osc.natural_frequency, 2.5 * osc.natural_frequency
+    return vi.response_curve(osc, omega=ends, step=0.05)
+
+
 FIGURES = {
     "time-history": lambda r: plotting.time_history(sweep(r, "motion")),
     "phase-portrait": lambda r: plotting.phase_portrait(sweep(r, "motion")),
@@ -112,6 +119,7 @@ FIGURES = {
     "branch-diagram": lambda r: plotting.branch_diagram(sweep(r, "branch"), sweep(r, "diagram")),
     "boundaries": lambda r: plotting.boundaries(boundary_of(r), sweep(r, "map")),
     "boundaries over motions": lambda r: plotting.boundaries(boundary_of(r), ax=plotting.motion_map(sweep(r, "map"))),
+    "response-curve": lambda r: plotting.response_curve(response_of(r)),
     "comparison": lambda r: plotting.comparison_figure([(osc := REQUESTS[r][0]), osc.replace(omega=1.1 * osc.omega)]),
     "sketch": lambda r: plotting.oscillator_sketch(REQUESTS[r][0]),
 }
