@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from vibroimpact.backends.base import (
     Floats,
     ImpactWindow,
-    Samples,
     LooksWindow,
+    Samples,
     energy_loss,
 )
 from vibroimpact.backends.one_by_one import SAMPLE_INDICES, OneByOne, impact_indices

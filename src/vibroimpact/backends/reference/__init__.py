@@ -16,8 +16,8 @@ import numpy as np
 from vibroimpact.backends.base import (
     Floats,
     ImpactWindow,
-    Samples,
     LooksWindow,
+    Samples,
     Window,
     energy_loss,
     impacts_status,
@@ -155,9 +155,7 @@ class ReferenceCell:
         ahead: Floats = ((periods - state.periods) + (phase - state.phase)) * self.free.period
         return ahead
 
-    def _samples(
-        self, record: Record, window: Window, last: State, *schedule: Floats
-    ) -> Samples:
+    def _samples(self, record: Record, window: Window, last: State, *schedule: Floats) -> Samples:
         impacts = np.array(record.impacts).reshape(-1, 3)
         sticks = np.array(record.sticks).reshape(-1, 4)
         clearance, velocity = np.array(record.looks).reshape(-1, 2).T
