@@ -130,28 +130,31 @@ def _held(system: ImpactSystem, q: Floats, v: Floats, time: float, stops: Any) -
 
 def _carry_on(before: dict[str, Any], after: dict[str, Any], now: float, near: float) -> None:
     """Join the rests and contacts of the pieces before and after a switch; events nearer than `near` are at it."""
-    release, resting = before["release_time"].values.copy(), np.abs(after["stick_time"].values - now) <= near
+    begin, release = after["stick_time"].values.copy(), before["release_time"].values.copy()
+    resting, moves = np.abs(begin - now) <= near, np.zeros(len(release), bool)
     for row in np.flatnonzero(np.isnan(release)):
         same = np.flatnonzero(resting & (after["stick_stop"].values == before["stick_stop"].values[row]))
-        release[row] = after["release_time"].values[same[0]] if len(same) else now
-        others = ~np.isin(np.arange(len(resting)), same)
-        _keep(after, "stick", others)
-        resting = resting[others]
+        release[row], moves[row] = now, len(same) > 0
+        begin[same] = before["stick_time"].values[row]  # it may go on into the piece after
     before["release_time"] = before["release_time"].copy(data=release)
+    after["stick_time"] = after["stick_time"].copy(data=begin)
+    _keep(before, "stick", ~moves)
     struck = after["impact_stop"].values[np.abs(after["impact_time"].values - now) <= near]
     again = (np.abs(before["impact_time"].values - now) <= near) & np.isin(before["impact_stop"].values, struck)
     _keep(before, "impact", ~(again & np.isnan(before["impulse"].values)))  # a contact that has just begun begins after
 
 
 def _keep(part: dict[str, Any], dim: str, rows: Any) -> None:
-    """Keep some rows along a dimension."""
+    """Keep some rows along a dimension, in this order."""
     part.update({name: each[rows] for name, each in part.items() if each.dims[0] == dim})
 
 
 def _joined(parts: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the variables of the parts, one after another."""
     first, join = parts[0], type(parts[0]["time"]).concat
-    return {
+    joined = {
         name: each if each.dims[0] == "stop" else join([part[name] for part in parts], each.dims[0])
         for name, each in first.items()
     }
+    _keep(joined, "stick", np.argsort(joined["stick_time"].values, kind="stable"))
+    return joined
