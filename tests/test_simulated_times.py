@@ -4,15 +4,15 @@ import json
 
 import numpy as np
 import pytest
-from dop853 import Compliant, Rigid, march
-from systems import a_random_machine, drawn
 
 import vibroimpact as vi
+from dop853 import Compliant, Rigid, march
+from systems import a_random_machine, drawn
 from vibroimpact.report import sentences_of
 
 GROUND = vi.Stop(direction=-1.0, gap=1.0, restitution=0.5)
 BALL = vi.ImpactSystem(mass=2.0, stiffness=0.0, force=vi.Force(constant=-4.0), stops=[GROUND])
-OSC = vi.ImpactOscillator(omega=0.9, restitution=0.4)  # it rests at its stop in every period
+OSC = vi.ImpactOscillator(omega=0.9, restitution=0.3)  # it rests at its stop in every period
 STEP = vi.Force(constant=2.0)
 
 
@@ -164,6 +164,23 @@ def test_a_moving_stop_keeps_its_frequency():
     assert_same(vi.simulate(system, pieces=[(9.0, None)]), vi.simulate(system, duration=9.0))
     with pytest.raises(ValueError, match="must keep the frequency of the model, 2 rad/s, at which 'wall' moves; got 3"):
         vi.simulate(system, pieces=[(1.0, vi.Force(omega=3.0))])
+
+
+def test_no_status_counts_periods_where_there_are_none():
+    """Few impacts are a short window only for what is driven, and impacts per period have no value."""
+    slot = [vi.Stop(direction=side, gap=1.0, restitution=1.0) for side in (1.0, -1.0)]
+    free = {"mass": 1.0, "stiffness": 0.0, "stops": slot}
+    for force, status in ((None, vi.Status.OK), (vi.Force(omega=1.0), vi.Status.SHORT_WINDOW)):
+        model = vi.ImpactSystem(**free, force=force)
+        hits = vi.impact_section(model, start=vi.State(0.0, 4.0), transient_impacts=0, sample_impacts=20)
+        assert vi.Status(int(hits["status"])) == status
+        motion = vi.simulate(model, start=vi.State(0.0, 4.0), times=[0.0, 10.0])
+        counted = vi.impact_statistics(motion)
+        assert counted["rate"].values.tolist() == [1.0, 1.0]
+        assert bool(np.isnan(counted["impacts_per_period"]).all()) == (force is None)
+        assert any("driving periods" in line for line in sentences_of(motion)) == (force is not None)
+    with pytest.raises(ValueError, match="has no driving period, since its force has no frequency; use simulate"):
+        vi.stroboscopic_section(vi.ImpactSystem(**free))
 
 
 @pytest.mark.parametrize(

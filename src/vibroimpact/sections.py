@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +34,7 @@ from vibroimpact.parameters import (
     invalid,
     phase_number,
 )
+from vibroimpact.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -80,6 +81,8 @@ class Followed:
             steps = window.length * design.period * float(cells.fastest_rate[0])
             check_steps("times", "needs", steps, "end sooner")
         (samples,) = self.engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
+        if samples.status == Status.SHORT_WINDOW and not design.periodic:  # there are no periods to be few
+            samples = replace(samples, status=int(Status.STICKING if len(samples.rest_begin) else Status.OK))
         return samples
 
     def check_cost(self, window: Window) -> None:
@@ -103,6 +106,12 @@ class Followed:
         """Return the attributes that record how a result was made."""
         common = {"backend": self.engine.sampler, "time_step": self.time_step}
         return provenance(function, self.model, {"start": self.start, **how, **common})
+
+
+def check_periodic(design: Any, hint: str) -> None:
+    """Raise unless a design has a driving period."""
+    if not design.periodic:
+        raise ValueError(f"{design!s} has no driving period, since its force has no frequency; {hint}")
 
 
 def measure_orbit(
@@ -243,6 +252,7 @@ def stroboscopic_section(
     """
     orbit = Followed(osc, start, backend, time_step, tolerances)
     sampling = Sampling(transient_periods=transient_periods, sample_periods=sample_periods)
+    check_periodic(orbit.design, "use simulate or impact_section")
     window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, phase_number("phase", phase))
     samples = orbit.samples(window)
     dims = ("period", "coordinate") if samples.look_displacement.ndim > 1 else "period"

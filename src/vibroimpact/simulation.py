@@ -18,7 +18,7 @@ from vibroimpact.matrices import numbers
 from vibroimpact.model import Model, State, one_start
 from vibroimpact.options import Tolerances
 from vibroimpact.parameters import COUNTS, check_one, hertz, invalid, positive_number, whole_number
-from vibroimpact.sections import Followed
+from vibroimpact.sections import Followed, check_periodic
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -185,11 +185,7 @@ def _checked(times: Any, first: float, last: float) -> Floats:
 
 def _over_periods(length: float, design: Any, skip_periods: int, samples_per_period: int) -> StroboscopicWindow:
     """Return the window of evenly spaced samples over a number of driving periods."""
-    if not design.periodic:
-        raise ValueError(
-            f"`duration` (s) or `times` must be given, since {design!s} has no driving period: its force has no "
-            "frequency"
-        )
+    check_periodic(design, "give `duration` (s) or `times`")
     number = int(np.floor(length * samples_per_period + ROUNDING)) + 1
     return StroboscopicWindow(skip_periods, number, None, samples_per_period)
 
