@@ -99,8 +99,9 @@ def simulate(
     4001 instants, or `times`.
 
     Each force of `pieces` is a function of the time t, not of the time since the piece began: a sine goes on from one
-    piece to the next. A force without a frequency keeps that of the model, which moving stops need. The state, impacts,
-    rests and contacts go on from piece to piece.
+    piece to the next. A force without a frequency keeps that of the model, which moving stops need. The state, impacts
+    and rests go on from piece to piece; a compliant contact that a switch divides is listed with its beginning and
+    speed, and NaN for what is known at its end.
 
     References
     ----------
