@@ -64,6 +64,36 @@ def test_a_simulation_is_told_with_its_hits_and_what_it_settles_to(run):
     assert lines[-1] == "settles to: period-1 impact-2, hits at 1.48 and 1.13 m/s every 6.98 s"
 
 
+@pytest.mark.parametrize(
+    ("length", "times"),
+    [
+        ("--times 0,0.3,20", [0.0, 0.3, 20.0]),
+        ("--times 0:500ms:3", [0.0, 0.25, 0.5]),
+        ("--times 0.1s,200ms", [0.1, 0.2]),
+        ("--duration 500ms --samples-per-period 20", [0.0, np.pi / 20, np.pi / 10, 3 * np.pi / 20, 0.5]),
+    ],
+)
+def test_a_simulation_is_sampled_at_times_in_seconds(run, tmp_path, length, times):
+    assert run(f"simulate -p w=2 {length} --out {tmp_path / 'motion.nc'}")[0] == 0
+    assert vi.load(tmp_path / "motion.nc")["time"].values.tolist() == pytest.approx(times)
+
+
+@pytest.mark.parametrize(
+    ("length", "message"),
+    [
+        ("--times 2,1", "`times` must increase, got 2 s, then 1 s"),
+        ("--times 0:1", "`--times` must be T,T,... or FROM:TO:POINTS"),
+        ("--times 0:1kg:3", "`times`"),
+        ("--duration -1", "`duration` must be a finite number > 0, got -1"),
+        ("--duration 1 --periods 2", "give either `periods` or `duration`, not both"),
+    ],
+)
+def test_what_is_wrong_with_times_is_said(run, length, message):
+    code, _, complaints = run(f"simulate {length}")
+    assert code == 2
+    assert message in "\n".join(complaints)
+
+
 def test_a_diagram_is_told_by_its_stretches(run):
     _, lines, _ = run("diagram --x omega=1.8:2.2:5 --sample-impacts 200")
     values, rest = "5 values of angular driving frequency 1.8 to 2.2 rad/s", "from rest at y = min(0, gap)"

@@ -83,7 +83,7 @@ def test_a_system_names_the_matrix_and_the_entry_that_it_refuses(changes, messag
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({}, r"give either `omega` \(rad/s\) or `frequency` \(Hz\)"),
+        ({"harmonics": {1: 1.0}}, r"give either `omega` \(rad/s\) or `frequency` \(Hz\)"),
         ({"omega": 1.0, "frequency": 1.0}, r"give either `omega` \(rad/s\) or `frequency` \(Hz\)"),
         ({"omega": 0.0}, r"`omega` must be a finite number > 0, got 0.0"),
         ({"frequency": -1.0}, r"`frequency` must be a finite number > 0, got -1.0"),
@@ -163,15 +163,24 @@ def test_a_system_is_a_value():
 
 
 def test_an_unforced_system_needs_no_force():
-    """It is that with a force of zero, whose periods of 2 pi s only count time."""
+    """It moves as with a force of zero, whose periods only count time, but has no period."""
     stops, modes = [vi.Stop(direction=1.0, gap=0.5)], {"frequencies": [0.1], "damping_ratios": 0.0, "shapes": [[1.0]]}
-    for kept in (None, vi.Force(omega=1.0)):
+    for kept in (None, vi.Force()):
         assert vi.ImpactSystem(mass=1.0, stiffness=2.0, force=kept, stops=stops) == vi.ImpactSystem(
             mass=1.0, stiffness=2.0, stops=stops
         )
         assert vi.ImpactSystem.from_modes(**modes, force=kept) == vi.ImpactSystem.from_modes(**modes)
-    bounces = vi.simulate(vi.ImpactSystem(mass=1.0, stiffness=0.0, stops=stops), start=vi.State(0.0, 0.25), periods=1)
-    assert bounces["impact_time"].values.tolist() == pytest.approx([2.0])
+    for kept, length in ((None, {"duration": 4.0}), (vi.Force(omega=1.0), {"periods": 1})):
+        free = vi.ImpactSystem(mass=1.0, stiffness=0.0, force=kept, stops=stops)
+        assert free.periodic == ("omega" in repr(free)) == ("omega" in free.parameters) == ("periods" in length)
+        hit = vi.simulate(free, start=vi.State(0.0, 0.25), **length)["impact_time"]
+        assert hit.values.tolist() == pytest.approx([2.0])
+    with pytest.raises(ValueError, match="no driving period"):
+        vi.simulate(vi.ImpactSystem(mass=1.0, stiffness=0.0), periods=2)
+    with pytest.raises(ValueError, match="`force` must have a frequency, since 'shaker' moves"):
+        vi.ImpactSystem(
+            mass=1.0, stiffness=0.0, stops=[vi.Stop(direction=1.0, gap=0.5, motion={1: 0.1}, name="shaker")]
+        )
 
 
 def test_arrays_given_are_copied():

@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from vibroimpact.orbits.sticking_end import end_of_sticking
     from vibroimpact.orbits.systems.response import response_of
     from vibroimpact.refinement import to_uniform
-    from vibroimpact.sections import impact_map, impact_section, simulate, stroboscopic_section
+    from vibroimpact.sections import impact_map, impact_section, stroboscopic_section
+    from vibroimpact.simulation import simulate
     from vibroimpact.status import Status
     from vibroimpact.sweeps import parameter_map, refined_map
     from vibroimpact.verdict.compare import compare
@@ -49,7 +50,8 @@ _NAMES = {
     "model.facets": "facet_error round_obstacle",
     "options": "Tolerances",
     "families": "family",
-    "sections": "impact_map simulate impact_section stroboscopic_section",
+    "sections": "impact_map impact_section stroboscopic_section",
+    "simulation": "simulate",
     "status": "Status",
     "motion.recognition": "recognise",
     "motion.statistics": "impact_statistics",

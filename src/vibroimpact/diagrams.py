@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from threading import Event
@@ -15,6 +16,7 @@ from vibroimpact.backends import (
     ImpactWindow,
     Measurement,
     StroboscopicWindow,
+    Window,
     check_known,
     check_takes,
     get_backend,
@@ -133,7 +135,7 @@ def bifurcation_diagram(
         raise ValueError(f"give exactly one axis, such as `omega`, got {got}; use parameter_map for more")
     sampling = Sampling(transient_impacts, sample_impacts, transient_periods, sample_periods)
     impacts = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
-    window: ImpactWindow | StroboscopicWindow = impacts
+    window: Window = impacts
     if section == "stroboscopic":
         window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, phase_number("phase", phase))
     threads = worker_count(workers)
@@ -191,9 +193,9 @@ def _along(section: str) -> str:
     return "impact" if section == "impact" else "period"
 
 
-def _length(window: ImpactWindow | StroboscopicWindow) -> int:
+def _length(window: Window) -> int:
     """Return the number of impacts or periods of a window, including the skipped ones."""
-    return window.keep + (window.transient if isinstance(window, ImpactWindow) else window.skip_periods)
+    return window.transient + window.keep if isinstance(window, ImpactWindow) else math.ceil(window.length)
 
 
 def _fresh(

@@ -266,8 +266,9 @@ PACE = 20e-9  # seconds of a core that a certified step takes
 def check_steps(name: str, what: str, steps: float, remedy: str, most: int = STEPS) -> None:
     """Refuse requests of too many steps, about one per impact; cycles are not computed twice."""
     if steps > most:
+        hours = steps * PACE / 3600.0
         raise ValueError(
-            f"`{name}` {what} some {steps:.2g} steps, {steps * PACE / 3600.0:,.0f} hours of a core; "
+            f"`{name}` {what} some {steps:.2g} steps, {hours:{',.0f' if hours < 1e9 else '.2g'}} hours of a core; "
             f"one call may take at most {most:.2g} steps; {remedy}"
         )
 

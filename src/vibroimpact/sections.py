@@ -1,23 +1,40 @@
-"""One orbit: followed in time, at its impacts, and once per driving period."""
+"""One orbit at its impacts and once per driving period; how a back end follows it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vibroimpact.backends import Backend, ImpactWindow, Measurement, StroboscopicWindow, check_takes, get_backend
+from vibroimpact.backends import (
+    Backend,
+    ImpactWindow,
+    Measurement,
+    StroboscopicWindow,
+    TimesWindow,
+    Window,
+    check_takes,
+    get_backend,
+)
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, provenance, status_variable, variable
 from vibroimpact.labels import in_seconds, labelled_impacts, trajectory_of
 from vibroimpact.model import Model, State, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.parameters import STEPS, check_fits, counted, invalid, phase_number, positive_number, whole_number
+from vibroimpact.parameters import (
+    STEPS,
+    check_fits,
+    check_steps,
+    counted,
+    invalid,
+    phase_number,
+)
+from vibroimpact.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,7 +43,7 @@ ROW = 200  # bytes of memory per sample while it is labelled
 
 
 @dataclass(frozen=True)
-class _Orbit:
+class Followed:
     """One orbit of a model, followed by a back end."""
 
     model: Model
@@ -46,23 +63,39 @@ class _Orbit:
         check_model(self.model)
         return self.model.at()
 
-    def samples(self, window: ImpactWindow | StroboscopicWindow) -> Any:
+    @property
+    def begin(self) -> float:
+        """The time of the initial condition in s."""
+        start = one_start(self.start)
+        return 0.0 if start is None else start.time
+
+    def samples(self, window: Window) -> Any:
         """Return the samples in a window."""
-        design = self.design
-        cells = self.model.cells({}, one_start(self.start))
+        return self.samples_of(self.design, self.model.cells({}, one_start(self.start)), window)
+
+    def samples_of(self, design: Any, cells: Any, window: Window) -> Any:
+        """Return the samples of one cell of a design in a window."""
         check_takes(self.engine, design)
-        self._check_cost(window)
+        self.check_cost(window)
+        if isinstance(window, TimesWindow):
+            steps = window.length * design.period * float(cells.fastest_rate[0])
+            check_steps("times", "needs", steps, "end sooner")
         (samples,) = self.engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
+        if samples.status == Status.SHORT_WINDOW and not design.periodic:  # there are no periods to be few
+            samples = replace(samples, status=int(Status.STICKING if len(samples.rest_begin) else Status.OK))
         return samples
 
-    def _check_cost(self, window: ImpactWindow | StroboscopicWindow) -> None:
+    def check_cost(self, window: Window) -> None:
         """Raise if memory cannot hold the samples, or if fixed steps would take too long."""
         rows = f"needs {window.keep:.3g} rows, which take"
         if isinstance(window, ImpactWindow):
             name, periods = "sample_impacts", float(window.transient + window.keep)  # about one per impact
         else:
-            name = "sample_periods" if window.per_period == 1 else "samples_per_period"
-            periods = window.skip_periods + window.keep / window.per_period
+            name, periods = "samples_per_period", window.length
+            if isinstance(window, TimesWindow):
+                name = "times"
+            elif window.per_period == 1:
+                name = "sample_periods"
         check_fits(name, rows, ROW * window.keep, "choose fewer")
         length = periods * self.design.period
         if self.time_step is not None and length > STEPS * self.time_step:
@@ -75,90 +108,10 @@ class _Orbit:
         return provenance(function, self.model, {"start": self.start, **how, **common})
 
 
-def simulate(
-    osc: Model,
-    *,
-    start: State | None = None,
-    periods: float = 20,
-    skip_periods: int = 0,
-    samples_per_period: int = 200,
-    backend: str = "cpu",
-    time_step: float | None = None,
-    tolerances: Tolerances | None = None,
-) -> xr.Dataset:
-    r"""Follow the motion from an initial condition for some driving periods.
-
-    .. math:: m \ddot y + c \dot y + k y = f \sin \omega t \quad (y < g), \qquad
-              \dot y \to -r \dot y \quad (y = g,\ \dot y > 0)
-
-    Parameters
-    ----------
-    osc : ImpactOscillator, ImpactSystem or family
-        The design.
-    start : State, optional
-        Initial condition; None means at rest at min(0, gap) at time 0.
-    periods : float, > 0
-        The length of the motion, in driving periods T = 2 pi / omega.
-    skip_periods : int, >= 0
-        Driving periods to skip first.
-    samples_per_period : int, >= 1
-        Samples of displacement and velocity per period; impacts are exact in any case.
-    backend : str
-        Name of the back end; `time_step` in s is for "fixed-step" only.
-    tolerances : Tolerances, optional
-        Numerical tolerances; `chatter` sets which impacts are too weak to be recorded.
-
-    Returns
-    -------
-    xarray.Dataset
-        `displacement` in m and `velocity` in m/s over `time` in s; `impact_time`, `impact_velocity` (dim `impact`, the
-        speed just before contact); `stick_time`, `release_time` (dim `stick`, NaN if the mass has not left yet);
-        `status`. At the instant of an impact, the velocity is the one after it.
-
-    Raises
-    ------
-    ValueError
-        An argument is out of range, or the initial condition lies beyond the stop.
-
-    Notes
-    -----
-    Flights are exact power series, and contacts are certified and found to rounding; errors grow along the orbit only
-    as fast as perturbations of the motion. Time: about 0.7 microseconds per impact, plus a third of a microsecond per
-    sample.
-
-    References
-    ----------
-    .. [1] J.-Y. Lee, "Numerical Analysis of Impact Vibration Based on a Bifurcation Diagram With Two Varying
-       Control Parameters", eq. (1); its `k y'` is a misprint for `k y`.
-
-    Examples
-    --------
-    >>> from vibroimpact import ImpactOscillator
-    >>> orbit = simulate(ImpactOscillator(omega=2.0), periods=3)
-    >>> orbit.sizes["time"]
-    601
-    >>> bool((orbit.displacement <= 0).all())
-    True
-    """
-    orbit = _Orbit(osc, start, backend, time_step, tolerances)
-    length = positive_number("periods", periods)
-    density = whole_number("samples_per_period", samples_per_period, 1)
-    skipped = whole_number("skip_periods", skip_periods, 0)
-    window = StroboscopicWindow(skipped, int(np.floor(length * density + 1e-9)) + 1, None, density)
-    samples = orbit.samples(window)
-    variables = trajectory_of(samples, orbit.design) | {"status": status_variable((), samples.status)}
-    coords = {"time": variables.pop("time")}
-    arguments = {"periods": length, "skip_periods": skipped, "samples_per_period": density}
-    motion = dataset_of(variables, coords, orbit.provenance("simulate", **arguments))
-    return _since(motion, motion["time"].values[:1]) if skipped else motion
-
-
-def _since(motion: xr.Dataset, first: Floats) -> xr.Dataset:
-    """Return a motion without the impacts and sticks that ended before its first sample."""
-    over = {"impact": motion["impact_time"].values}
-    if "release_time" in motion:
-        over["stick"] = np.nan_to_num(motion["release_time"].values, nan=np.inf)
-    return motion.isel({dim: ends >= first if len(first) else ends < 0.0 for dim, ends in over.items()})
+def check_periodic(design: Any, hint: str) -> None:
+    """Raise unless a design has a driving period."""
+    if not design.periodic:
+        raise ValueError(f"{design!s} has no driving period, since its force has no frequency; {hint}")
 
 
 def measure_orbit(
@@ -241,7 +194,7 @@ def impact_section(
     >>> [round(float(v), 6) for v in hits.velocity]
     [6.226413, 6.226413, 6.226413]
     """
-    orbit = _Orbit(osc, start, backend, time_step, tolerances)
+    orbit = Followed(osc, start, backend, time_step, tolerances)
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     samples = orbit.samples(window)
@@ -297,8 +250,9 @@ def stroboscopic_section(
     >>> len(set(looks.displacement.values.round(9)))  # period-2
     2
     """
-    orbit = _Orbit(osc, start, backend, time_step, tolerances)
+    orbit = Followed(osc, start, backend, time_step, tolerances)
     sampling = Sampling(transient_periods=transient_periods, sample_periods=sample_periods)
+    check_periodic(orbit.design, "use simulate or impact_section")
     window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, phase_number("phase", phase))
     samples = orbit.samples(window)
     dims = ("period", "coordinate") if samples.look_displacement.ndim > 1 else "period"

@@ -7,7 +7,16 @@ from collections.abc import Iterable
 from importlib import import_module
 from typing import Any
 
-from vibroimpact.backends.base import Backend, ImpactWindow, Measurement, Samples, StroboscopicWindow
+from vibroimpact.backends.base import (
+    Backend,
+    ImpactWindow,
+    LooksWindow,
+    Measurement,
+    Samples,
+    StroboscopicWindow,
+    TimesWindow,
+    Window,
+)
 from vibroimpact.backends.one_mass import OfOneMass
 from vibroimpact.cells import Cells
 from vibroimpact.indices import FORCES, INDICES
@@ -20,10 +29,13 @@ __all__ = [
     "Backend",
     "Cells",
     "ImpactWindow",
+    "LooksWindow",
     "Measurement",
     "OfOneMass",
     "Samples",
     "StroboscopicWindow",
+    "TimesWindow",
+    "Window",
     "check_known",
     "check_takes",
     "get_backend",

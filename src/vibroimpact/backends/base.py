@@ -42,6 +42,11 @@ class StroboscopicWindow:
     phase: float | None = None
     per_period: int = 1
 
+    @property
+    def length(self) -> float:
+        """The time from the start to about the last sample, in driving periods."""
+        return self.skip_periods + self.keep / self.per_period
+
     def schedule(self, periods: float, phase: float) -> tuple[Floats, Floats]:
         """Return the sampling times of a cell that starts at (periods + phase) T, as whole periods and phase."""
         first = periods + self.skip_periods
@@ -54,6 +59,38 @@ class StroboscopicWindow:
         return first + offset // self.per_period + whole, fraction - whole
 
 
+@dataclass(frozen=True, eq=False)
+class TimesWindow:
+    """Sample the motion at given times, in ascending order and not before the start: whole periods, and phases.
+
+    `length` is the time from the start to the last sample, in driving periods. At an impact the state after it is
+    given.
+    """
+
+    periods: Floats
+    phase: Floats
+    length: float
+
+    @property
+    def keep(self) -> int:
+        """The number of samples."""
+        return len(self.periods)
+
+    def schedule(self, _periods: float, _phase: float) -> tuple[Floats, Floats]:
+        """Return the sampling times as whole periods and phase, wherever a cell starts."""
+        return self.periods, self.phase
+
+    @classmethod
+    def of(cls, turns: Floats, start: float) -> TimesWindow:
+        """Return the window of times in driving periods, for motions that start at `start`."""
+        whole = np.floor(turns)
+        return cls(whole, turns - whole, float(turns[-1]) - start)
+
+
+LooksWindow = StroboscopicWindow | TimesWindow
+Window = ImpactWindow | LooksWindow
+
+
 @dataclass(frozen=True)
 class Measurement:
     """The quantities measured for each cell.
@@ -63,7 +100,7 @@ class Measurement:
     tolerances.
     """
 
-    window: ImpactWindow | StroboscopicWindow
+    window: Window
     tolerances: Tolerances = field(default_factory=Tolerances)
     early_closing: bool = True
     indices: tuple[str, ...] = ("std",)
@@ -87,7 +124,7 @@ class Samples:
     """Samples of one cell's motion in a window; times in whole `periods` plus `phase`, speeds in m/s.
 
     `impact_*`: recorded impacts (velocity before contact, > 0): those that an `ImpactWindow` keeps, or all up to the
-    last sample of a `StroboscopicWindow`. `look_*`: the stroboscopic samples (`displacement`, `velocity`); empty for an
+    last sample of another window. `look_*`: the samples in time (`displacement`, `velocity`); empty for an
     `ImpactWindow`. `stick_*` / `release_*`: times at which the mass came to rest at the stop and was released (NaN if
     it was not), over the same span as the impacts. `last_*`: the state after the last item kept, from which to
     continue.

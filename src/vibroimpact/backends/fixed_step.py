@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from vibroimpact.backends.base import (
     Floats,
     ImpactWindow,
+    LooksWindow,
     Samples,
-    StroboscopicWindow,
     energy_loss,
 )
 from vibroimpact.backends.one_by_one import SAMPLE_INDICES, OneByOne, impact_indices
@@ -126,8 +126,8 @@ class Run:
         samples, computed = self.impacts(window)
         return samples, computed, impact_indices(samples, self.loss) if Status(samples.status).has_indices else {}
 
-    def looks(self, window: StroboscopicWindow) -> Samples:
-        """Return the samples of a stroboscopic window."""
+    def looks(self, window: LooksWindow) -> Samples:
+        """Return the samples of a window of times."""
         periods, phase = window.schedule(self.start.periods, self.start.phase)
         ahead = ((periods - self.start.periods) + (phase - self.start.phase)) * self.free.period
         at = np.rint(ahead / self.h).astype(np.int64)

@@ -24,6 +24,8 @@ from vibroimpact.backends.base import (
     Samples,
     StroboscopicWindow,
     SystemSamples,
+    TimesWindow,
+    Window,
     energy_loss,
     with_stop_axis,
 )
@@ -97,13 +99,12 @@ def samples(
 ) -> list[SystemSamples]:
     """Return the samples of each cell in the window, from an engine of one mass."""
     oscillators, ahead = as_one_mass(cells)
-    groups = np.zeros(len(cells))
-    if isinstance(measurement.window, StroboscopicWindow) and measurement.window.phase is not None:
-        groups = ahead  # each cell has its own sampling phase
     motions: list[Any] = [None] * len(cells)
+    follows = _shifted(measurement.window, 0.5) is measurement.window
+    groups = np.zeros(len(cells)) if follows else ahead  # each cell has its own sampling phases
     for group in np.unique(groups):
         rows = np.flatnonzero(groups == group)
-        sampled = engine(oscillators[rows], _shifted(measurement, float(group)))
+        sampled = engine(oscillators[rows], replace(measurement, window=_shifted(measurement.window, float(group))))
         for row, motion in zip(rows.tolist(), sampled, strict=True):
             motions[row] = _of_system(
                 cells[row : row + 1], next(iter(oscillators[row : row + 1])), float(ahead[row]), motion
@@ -111,11 +112,14 @@ def samples(
     return motions
 
 
-def _shifted(measurement: Measurement, ahead: float) -> Measurement:
-    window = measurement.window
-    if not isinstance(window, StroboscopicWindow) or window.phase is None:
-        return measurement
-    return replace(measurement, window=replace(window, phase=(window.phase + ahead) % 1.0))
+def _shifted(window: Window, ahead: float) -> Window:
+    """Return a window whose phases are those of a load that is ahead; one without phases of its own is unchanged."""
+    if isinstance(window, TimesWindow):
+        phase = window.phase + ahead
+        return replace(window, periods=window.periods + np.floor(phase), phase=phase - np.floor(phase))
+    if isinstance(window, StroboscopicWindow) and window.phase is not None:
+        return replace(window, phase=(window.phase + ahead) % 1.0)
+    return window
 
 
 def _of_system(cell: SystemCells, oscillator: dict[str, float], ahead: float, motion: Samples) -> SystemSamples:

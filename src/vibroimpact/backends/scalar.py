@@ -16,7 +16,8 @@ from vibroimpact.backends.base import (
     Measurement,
     Outcome,
     Samples,
-    StroboscopicWindow,
+    TimesWindow,
+    Window,
     impacts_status,
     looks_status,
     with_stop_axis,
@@ -29,7 +30,18 @@ from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.cycle import FACTS
 from vibroimpact.kernels.flight import REACH
 from vibroimpact.kernels.lanes import CELL, LANES, ROWS
-from vibroimpact.kernels.recorder import END, IDLE, MEMORY, Recorder, begin, record, record_lanes, state_of
+from vibroimpact.kernels.recorder import (
+    END,
+    IDLE,
+    MEMORY,
+    Plan,
+    Progress,
+    Recorder,
+    begin,
+    record,
+    record_lanes,
+    state_of,
+)
 from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
 from vibroimpact.kernels.runner import follow_cell, run_cells
 from vibroimpact.kernels.vectors import LANES as BLOCK
@@ -39,9 +51,10 @@ from vibroimpact.status import Status, window_status
 _LOOKS = 500  # steps of a cell or of lanes, 3 to 300 ms, between checks for an interrupt
 _BATCH = 4096  # finished cells per batch
 FEW = 4  # cells: fewer are recorded one after another, since most lanes would be idle
+LOOKED = MEMORY - len(Progress._fields) + Progress._fields.index("looked")  # places in the memory of a recorder
+FIRST = MEMORY - len(Progress._fields) - len(Plan._fields) + Plan._fields.index("first_n")
 ROOM = 4096  # rows of a buffer, which is emptied when full
 
-Window = ImpactWindow | StroboscopicWindow
 Limits = tuple[float, float, float]
 
 
@@ -101,7 +114,7 @@ def statuses(columns: dict[str, Floats], ends: NDArray[np.int8], window: ImpactW
 def samples(cells: Cells, measurement: Measurement) -> list[Samples]:
     """Return the samples of each cell in the window."""
     runs = [_Run(row, measurement.window, limits(measurement.tolerances)) for row in rows_of(cells)]
-    if len(runs) < FEW:
+    if len(runs) < FEW or isinstance(measurement.window, TimesWindow):
         for run in runs:
             run.record()
     else:
@@ -202,10 +215,13 @@ class _Run:
         if isinstance(window, ImpactWindow):
             numbers = float(window.transient), float(window.transient + window.keep), 0.0, 1.0
         else:
-            numbers = 0.0, 0.0, float(window.keep), float(window.per_period)
+            numbers = (0.0, 0.0, 1.0, 1.0)
+            if not isinstance(window, TimesWindow):
+                numbers = 0.0, 0.0, float(window.keep), float(window.per_period)
             self.look_periods, self.look_phase = window.schedule(self.cell.periods, self.cell.phase)
+        first = -1 if isinstance(window, TimesWindow) else 0  # the step limit follows from the only look of a plan
         self.memory = np.zeros(MEMORY)
-        begin(row, self.memory, numbers, (self.look_periods[0], self.look_phase[0]), limits)
+        begin(row, self.memory, numbers, (self.look_periods[first], self.look_phase[first]), limits)
         self.parts: list[list[Floats]] = []
 
     def keep(self, recorder: Recorder) -> None:
@@ -218,14 +234,29 @@ class _Run:
     def record(self) -> None:
         """Record the rest of the run."""
         recorder, trace = Recorder(self.memory, *_room_for(self.window)), np.empty((LOOK, TRACE))
-        while self.memory[END] == RUNNING:
-            record(recorder, trace, _LOOKS)
-            self.keep(recorder)
+        plans = range(self.window.keep) if isinstance(self.window, TimesWindow) else (None,)
+        for at in plans:
+            if at is not None:
+                self._aim(at)
+            while self.memory[END] == RUNNING:
+                record(recorder, trace, _LOOKS)
+                if self.memory[END] == RUNNING:
+                    self.keep(recorder)
+            if self.memory[END] != FILLED:
+                break
+        self.keep(recorder)
+
+    def _aim(self, at: int) -> None:
+        """Go on to a look: a filled plan ends before the step on which its last look lies."""
+        self.memory[FIRST : FIRST + 2] = self.look_periods[at], self.look_phase[at]
+        self.memory[LOOKED], self.memory[END] = 0.0, RUNNING
 
     def samples(self) -> Samples:
         """Return the samples and release their memory."""
         parts, self.parts = self.parts, []
         impacts, looks, sticks = (np.concatenate(part) for part in zip(*parts, strict=True))
+        begins = np.diff(sticks[:, :2], axis=0).any(axis=1)  # a look within a rest ends a plan, and lists it again
+        sticks = sticks[np.append(begins, True)[: len(sticks)]]
         last, progress = state_of(self.memory)
         status = ended_as(progress.end, progress.hits)
         if isinstance(self.window, ImpactWindow):

@@ -31,6 +31,7 @@ def simulate(options: Options) -> None:
 
       vibroimpact simulate -p omega=2.8 --periods 30
       vibroimpact simulate -p w=0.9 --start -1,0,0 --out orbit.csv
+      vibroimpact simulate -p w=0.9 --times 0:20:101 --out orbit.csv
       vibroimpact simulate -p w=0.9 --figure phase-portrait --out portrait.png
       vibroimpact simulate -p w=2.8 --periods 8 --out motion.gif
     """

@@ -10,6 +10,7 @@ from typing import Any
 from vibroimpact import figures, indices
 from vibroimpact.cli.endings import WrongRequest
 from vibroimpact.cli.options import FLAG, PATH, TEXTS, Key, Option, number, numbers, words
+from vibroimpact.cli.times import check_duration, check_times, read_times
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import QUOTES, choice, invalid, phase_number, positive_number, real_number, whole_number
 
@@ -196,6 +197,8 @@ PERIODS = (
 )
 DURATION = (
     _sampling("periods", "N", "Driving periods to compute.", default=20, check=positive_number),
+    _sampling("duration", "S", "Length in s, or with another unit: 20ms.", check=check_duration),
+    _sampling("times", "T,T,..", "Times of samples in s; or FROM:TO:POINTS.", read=read_times, check=check_times),
     _sampling("skip_periods", "N", "Driving periods to skip first.", default=0, check=_whole(0)),
     _sampling("samples_per_period", "N", "Samples per driving period.", default=200, check=_whole(1)),
 )

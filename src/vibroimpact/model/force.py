@@ -52,9 +52,9 @@ class Force(ByValue):
 
     Parameters
     ----------
-    omega : float, > 0
+    omega : float, > 0, optional
         Angular frequency in rad/s. It also applies to moving stops, and it sets the period T = 2 pi/omega even if the
-        first harmonic is missing. A constant load needs a frequency too: ``Force(omega=1.0, constant=-9.81)``.
+        first harmonic is missing. A constant load needs none, and a system without one has no period.
     frequency : float, > 0
         Frequency in Hz, instead of `omega`.
     harmonics : mapping of int to sequence of n complex
@@ -65,8 +65,8 @@ class Force(ByValue):
     Raises
     ------
     ValueError
-        Neither or both of `omega` and `frequency` are given, a number is out of range, or an order is not a whole
-        number >= 1.
+        Both `omega` and `frequency` are given, or neither for harmonics; a number is out of range, or an order is not a
+        whole number >= 1.
 
     Notes
     -----
@@ -79,9 +79,11 @@ class Force(ByValue):
     array([0.+0.2j, 0.+0.j ])
     >>> Force(frequency=50.0, constant=-9.81)
     Force(omega=314.1592653589793, constant=[-9.81])
+    >>> Force(constant=-9.81)
+    Force(constant=[-9.81])
     """
 
-    omega: float
+    omega: float | None
     harmonics: Mapping[int, Any]
     constant: Any
 
@@ -93,10 +95,11 @@ class Force(ByValue):
         harmonics: Mapping[int, Any] | None = None,
         constant: Any = None,
     ) -> None:
-        if (omega is None) == (frequency is None):
+        given = (omega is not None) + (frequency is not None)
+        if given == 2 or (harmonics and not given):
             raise ValueError(
                 f"give either `omega` (rad/s) or `frequency` (Hz), got {omega!r} and {frequency!r}; "
-                "a constant load needs one too, since it sets the period"
+                "the harmonics are multiples of it"
             )
         if frequency is not None:
             omega = radians(OF_ONE_MASS["frequency"].check(frequency))
@@ -105,7 +108,7 @@ class Force(ByValue):
             for order, value in by_order("harmonics", harmonics).items()
         }
         vars(self).update(  # the constructor of a frozen class must do this; it is fast, since families make thousands
-            omega=OF_ONE_MASS["omega"].check(omega),
+            omega=None if omega is None else OF_ONE_MASS["omega"].check(omega),
             harmonics=MappingProxyType(vectors),
             constant=None if constant is None else vector("constant", constant),
         )
@@ -115,9 +118,14 @@ class Force(ByValue):
         return {"omega": self.omega, "harmonics": dict(self.harmonics), "constant": self.constant}
 
     @property
-    def frequency(self) -> float:
-        """Frequency in Hz."""
-        return float(hertz(self.omega))
+    def frequency(self) -> float | None:
+        """Frequency in Hz, if there is one."""
+        return None if self.omega is None else float(hertz(self.omega))
+
+    @property
+    def rate(self) -> float:
+        """`omega`; without one, the 1 rad/s at which time is counted."""
+        return 1.0 if self.omega is None else self.omega
 
     @property
     def vectors(self) -> dict[str, Any]:
@@ -127,9 +135,9 @@ class Force(ByValue):
 
 
 def checked_force(force: Any) -> Force:
-    """Return a Force, after checking it; for None, one without a load."""
+    """Return a Force, after checking it; for None, one without a load and without a frequency."""
     if force is None:
-        return Force(omega=1.0)
+        return Force()
     if not isinstance(force, Force):
         raise invalid("force", force, "a Force", "leave it out for an unforced system")
     return force

@@ -92,7 +92,7 @@ class ModalForm:
 
     def replace(self, force: Any, stops: Any) -> ModalForm:
         """Return the form with the frequency of another force and the numbers of other stops."""
-        return replace(self, omega=force.omega, **numbers_of(stops))
+        return replace(self, omega=force.rate, **numbers_of(stops))
 
     @property
     def mobility(self) -> Floats:
@@ -153,7 +153,7 @@ def modal_form(mass: Floats, damping: Floats, stiffness: Floats, force: Any, sto
         forces=_along(forces, shapes, neutral) / masses,
         **numbers_of(stops),
         motions=motions.reshape(len(stops), len(orders)),
-        omega=force.omega,
+        omega=force.rate,
     )
 
 

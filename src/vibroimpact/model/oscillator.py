@@ -209,6 +209,11 @@ class ImpactOscillator:
         return State(min(0.0, self.gap))
 
     @property
+    def periodic(self) -> bool:
+        """Whether there is a driving period; `omega` always has a value."""
+        return True
+
+    @property
     def frequency(self) -> float:
         """Driving frequency in Hz."""
         return float(hertz(self.omega))

@@ -276,6 +276,16 @@ def check_room(stops: Sequence[Stop], mass: Any) -> None:
         raise ValueError(f"`stops` {names} overlap: no position is in front of all of them")
 
 
+def check_moves(stops: Sequence[Stop], omega: float | None) -> None:
+    """Raise if a stop moves, and no frequency says how fast."""
+    moving = [stop.name for stop in stops if stop.motion]
+    if moving and omega is None:
+        raise ValueError(
+            f"`force` must have a frequency, since {moving[0]!r} moves at its harmonics; "
+            "write force=Force(frequency=...), which may have no load"
+        )
+
+
 def warn_of_short_contacts(stops: Sequence[Stop], mass: NDArray[np.float64], period: float) -> None:
     """Warn of contacts so short that only their restitution matters."""
     for stop in stops:

@@ -18,9 +18,9 @@ from vibroimpact.model import State, check_names
 from vibroimpact.model.elements import NUMBERS
 from vibroimpact.model.force import Force, check_length, checked_force, names_of_points, over_modes
 from vibroimpact.model.modal import FREE, ModalForm, modal_form, velocity_scale
-from vibroimpact.model.stops import Stop, check_room, named_stops, several_stops, warn_of_short_contacts
+from vibroimpact.model.stops import Stop, check_moves, check_room, named_stops, several_stops, warn_of_short_contacts
 from vibroimpact.model.system_cells import SystemCells
-from vibroimpact.parameters import OF_ONE_MASS, Parameter, Scale, check_one, counted, invalid, radians
+from vibroimpact.parameters import OF_ONE_MASS, Parameter, Scale, check_one, counted, hertz, invalid, radians
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -42,8 +42,7 @@ class ImpactSystem(ByValue):
     stiffness : (n, n) array_like
         K in N/m, symmetric and positive semidefinite; it may be singular, and 0 means free masses.
     force : Force, optional
-        The load, with the frequency that sets the period. None means no load, and ``periods`` of 2 pi s, as with
-        ``Force(omega=1.0)``.
+        The load, with the frequency that sets the period. None means no load; without a frequency there is no period.
     stops : sequence of Stop
         At most 64; a stop without a name is named by its position, ``stop_1`` first.
 
@@ -51,13 +50,15 @@ class ImpactSystem(ByValue):
     ------
     ValueError
         A matrix has the wrong shape, or is not symmetric or definite as required; a vector has the wrong length; two
-        stops have the same name; the stops leave no room. The message names the matrix and its entry.
+        stops have the same name; the stops leave no room, or move without a frequency. The message names the matrix and
+        its entry.
 
     Notes
     -----
     Matrices must be symmetric to 1e-12 of their entries; the rest is averaged away. Systems are equal if all their
-    numbers are. The parameters (`parameters`, `values`, `replace`) are `omega` or `frequency`, and for every stop
-    `<stop>_gap` and `<stop>_restitution`, or `<stop>_stiffness` and `<stop>_damping`; a `family` has others.
+    numbers are. The parameters (`parameters`, `values`, `replace`) are `omega` or `frequency` if the force has one, and
+    for every stop `<stop>_gap` and `<stop>_restitution`, or `<stop>_stiffness` and `<stop>_damping`; a `family` has
+    others.
 
     Examples
     --------
@@ -99,6 +100,7 @@ class ImpactSystem(ByValue):
         for name, value in force.vectors.items():
             check_length(name, value, len(linear["mass"]))
         vars(self).update(linear, force=force, stops=named_stops(stops, len(linear["mass"])))
+        check_moves(self.stops, force.omega)
         check_room(self.stops, self.mass)
         warn_of_short_contacts(self.stops, self.mass, self.period)
 
@@ -186,8 +188,8 @@ class ImpactSystem(ByValue):
         return {name: getattr(self, name) for name in ("mass", "damping", "stiffness", "force", "stops")}
 
     def __repr__(self) -> str:
-        values = (f"{name}={value!r}" for name, value in self.values.items())
-        return f"ImpactSystem({counted(self.coordinates, 'coordinate')}, {', '.join(values)})"
+        values = [f"{name}={value!r}" for name, value in self.values.items()]
+        return f"ImpactSystem({', '.join([counted(self.coordinates, 'coordinate'), *values])})"
 
     def __str__(self) -> str:
         stops = f" with {', '.join(self.stop_names)}" * bool(self.stops)
@@ -211,7 +213,7 @@ class ImpactSystem(ByValue):
     @cached_property
     def parameters(self) -> Mapping[str, Parameter]:
         """The parameters that an axis may vary, by name."""
-        table = {name: OF_ONE_MASS[name] for name in ("omega", "frequency")}
+        table = {name: OF_ONE_MASS[name] for name in ("omega", "frequency") if self.periodic}
         for stop in self.stops:
             for kind in stop.kinds:
                 usual, name = NUMBERS[kind], f"{stop.name}_{kind}"
@@ -221,9 +223,9 @@ class ImpactSystem(ByValue):
 
     @property
     def values(self) -> dict[str, float]:
-        """Their values; the frequency is in rad/s."""
+        """Their values; the frequency, if there is one, is in rad/s."""
         of_stops = {f"{stop.name}_{kind}": getattr(stop, kind) for stop in self.stops for kind in stop.kinds}
-        return {"omega": self.omega, **of_stops}
+        return {"omega": self.omega, **of_stops} if self.periodic else of_stops
 
     def replace(self, **changes: float) -> ImpactSystem:
         """Return a copy with some parameters changed; `frequency` (Hz) may replace `omega`."""
@@ -262,18 +264,23 @@ class ImpactSystem(ByValue):
         return State(*self.initial())
 
     @property
+    def periodic(self) -> bool:
+        """Whether there is a driving period: the force has a frequency."""
+        return self.force.omega is not None
+
+    @property
     def omega(self) -> float:
-        """Angular driving frequency in rad/s."""
-        return self.force.omega
+        """Angular driving frequency in rad/s; without one, the 1 rad/s at which time is counted."""
+        return self.force.rate
 
     @property
     def frequency(self) -> float:
-        """Driving frequency in Hz."""
-        return self.force.frequency
+        """Driving frequency in Hz, that of `omega`."""
+        return float(hertz(self.omega))
 
     @property
     def period(self) -> float:
-        """Driving period T = 2 pi / w in s, even if the first harmonic is missing."""
+        """Driving period T = 2 pi / w in s, even if the first harmonic is missing; without one, the unit of time."""
         return 2.0 * math.pi / self.omega
 
     @property

@@ -368,7 +368,7 @@ def _fixed(system: ImpactSystem) -> tuple[Any, ...]:
     load = [(order, part.tobytes()) for order, part in force.harmonics.items()]
     stops = [(stop.direction.tobytes(), *stop.motion.items()) for stop in system.stops]
     matrices = system.mass.tobytes(), system.damping.tobytes(), system.stiffness.tobytes()
-    return force.omega, None if force.constant is None else force.constant.tobytes(), *matrices, *load, *stops
+    return force.rate, None if force.constant is None else force.constant.tobytes(), *matrices, *load, *stops
 
 
 def _rows(form: ModalForm, omegas: Floats, shape: Shape) -> tuple[Floats, ...]:

@@ -59,7 +59,7 @@ def impact_statistics(
         rate of wear by impact); `rest_fraction`. If a stop is compliant, also `mean_peak_force`, `peak_force` in N,
         `mean_contact_time` in s, `contact_fraction`, `max_penetration` in m. `number` (stop, velocity_class) is the
         histogram, with `velocity_from` and `velocity_to` in m/s; `duration` is the time in s. Means and largest values
-        of a support without impacts are NaN.
+        of a support without impacts are NaN, and so is `impacts_per_period` of a model without a driving period.
 
     Raises
     ------
@@ -91,7 +91,10 @@ def impact_statistics(
     struck = np.array([names.index(support[name]) for name in record.stops], int)
     edges = _edges(classes, float(record.columns["velocity"].max(initial=0.0)))
     gap = Parameter("rest_time", "rest time", "s", low=0.0).check(rest_time)
-    rows = [_of_support(record, struck == at, gap, edges, model.period) for at in range(len(names))]
+    rows = [
+        _of_support(record, struck == at, gap, edges, model.period if model.periodic else np.nan)
+        for at in range(len(names))
+    ]
     for row, name in zip(rows, names, strict=True):
         row["rest_fraction"] = sum(record.rests[stop] for stop in support if support[stop] == name) / record.duration
     variables = {

@@ -24,7 +24,8 @@ from vibroimpact.plotting.orbits import phase_portrait, time_history
 from vibroimpact.plotting.sections import impact_map
 from vibroimpact.plotting.style import BLUE, INK, RED, on_axes
 from vibroimpact.plotting.ticks import quantity
-from vibroimpact.sections import impact_section, simulate, stroboscopic_section
+from vibroimpact.sections import impact_section, stroboscopic_section
+from vibroimpact.simulation import simulate
 from vibroimpact.sweeps import parameter_map
 
 # Positions in drawing units: frame | spring and damper | mass | clearance | stop.

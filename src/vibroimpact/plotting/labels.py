@@ -196,7 +196,7 @@ def title(dataset: xr.Dataset) -> str:
         varied |= {model.parameters[name].replaces or name for name in varied if name in model.parameters}
         values = [parameter_text(name, model) for name in model.values if name not in varied]
         if len(values) > MOST:
-            values = [*values[: "omega" not in varied], counted(len(model.stops), "stop")]
+            values = [*values[: "omega" in model.values and "omega" not in varied], counted(len(model.stops), "stop")]
     return ",  ".join(filter(None, [*values, str(dataset.attrs.get("note", _origin(dataset)))]))
 
 

@@ -48,11 +48,13 @@ def sentences_of(dataset: xr.Dataset) -> list[str]:
 
 
 def _simulation(dataset: xr.Dataset) -> Iterator[str]:
-    period = model_of(dataset).period
+    model: Any = model_of(dataset)
     time, speeds = dataset["time"].values, dataset["impact_velocity"].values
     if len(time):
-        periods = f"{(time[-1] - time[0]) / period:.4g} driving periods of {period:.4g} s"
-        yield f"{initial_condition(dataset, after=': ')}{periods}, {time[0]:.4g} to {time[-1]:.4g} s"
+        periods = f"{(time[-1] - time[0]) / model.period:.4g} driving periods of {model.period:.4g} s, "
+        if not model.periodic or "pieces" in json.loads(dataset.attrs["arguments"]):
+            periods = ""
+        yield f"{initial_condition(dataset, after=': ')}{periods}{time[0]:.4g} to {time[-1]:.4g} s"
         yield from _places(dataset)
     if len(speeds):
         at = dataset["impact_time"].values[speeds.argmax()]

@@ -36,17 +36,15 @@ class _Recorder:
         k = self._layout = layout_for(cells, cells.shape.compliant)
         self._table = in_steps(cells, measurement.tolerances.chatter, k)
         if isinstance(self._window, ImpactWindow):
-            looks, per_period = 0, 1
-            limit = float(self._window.transient + self._window.keep)
+            looks, limit = 0, float(self._window.transient + self._window.keep)
             self._total = march.Window(float(self._window.transient), limit)
         else:
-            looks, per_period = self._window.keep, self._window.per_period
-            limit = self._window.skip_periods + looks / per_period + 1.0
+            looks, limit = self._window.keep, self._window.length + 1.0
             self._total = march.Window(0.0, math.inf)
         self._budgets = budgets_of(cells, measurement.tolerances, limit)
         wide = min(len(cells), LANES)
         self._times = np.zeros((wide, 2, looks))
-        self._schedule = walk.Schedule(float(looks), np.zeros((wide, 2)), float(per_period))
+        self._schedule = walk.Schedule(float(looks), self._times)
         impacts, rests = np.zeros((wide, _ROOM, 10)), np.zeros((wide, _ROOM, 5))
         filled = np.zeros((wide, 3), np.int64)
         self._buffers = walk.Record(impacts, np.zeros((wide, looks, 2 * k.modes)), rests, filled)
@@ -87,7 +85,6 @@ class _Recorder:
         begins = self._cells.block("time")[cell].tolist()
         if not isinstance(self._window, ImpactWindow):
             self._times[lane] = self._window.schedule(*begins)
-            self._schedule.first[lane] = self._times[lane, :, 0]
         self._busy.notes[lane] = 0.0
         self._busy.notes[lane, : march.STEPS] = self._budgets[cell]
         self._buffers.filled[lane] = 0

@@ -16,8 +16,9 @@ import numpy as np
 from vibroimpact.backends.base import (
     Floats,
     ImpactWindow,
+    LooksWindow,
     Samples,
-    StroboscopicWindow,
+    Window,
     energy_loss,
     impacts_status,
     looks_status,
@@ -119,11 +120,11 @@ class ReferenceCell:
             return dying if record.recorded else Status.NO_IMPACT
         return Status.BUDGET if age > self.longest_flight or record.steps > granted else Status.OK
 
-    def looks(self, window: StroboscopicWindow) -> Samples:
-        """Return the samples of a stroboscopic window."""
+    def looks(self, window: LooksWindow) -> Samples:
+        """Return the samples of a window of times."""
         record = Record()
         periods, phase = window.schedule(self.start.periods, self.start.phase)
-        granted = self.steps_per_impact * (window.skip_periods + math.ceil(window.keep / window.per_period) + 1)
+        granted = self.steps_per_impact * (math.ceil(window.length) + 1)
         for event in motion(self.free, self.restitution, self.start, self.cut):
             record.steps += 1
             pending = slice(len(record.looks), None)
@@ -154,9 +155,7 @@ class ReferenceCell:
         ahead: Floats = ((periods - state.periods) + (phase - state.phase)) * self.free.period
         return ahead
 
-    def _samples(
-        self, record: Record, window: ImpactWindow | StroboscopicWindow, last: State, *schedule: Floats
-    ) -> Samples:
+    def _samples(self, record: Record, window: Window, last: State, *schedule: Floats) -> Samples:
         impacts = np.array(record.impacts).reshape(-1, 3)
         sticks = np.array(record.sticks).reshape(-1, 4)
         clearance, velocity = np.array(record.looks).reshape(-1, 2).T

@@ -42,13 +42,10 @@ class Record(NamedTuple):
 
 
 class Schedule(NamedTuple):
-    """When motions are looked at: how often, the first time in whole periods and phase in each lane, and how often a
-    period.
-    """
+    """When motions are looked at: how often, and the times in each lane, ascending: whole periods, then phases."""
 
     number: float
-    first: Any
-    per_period: float
+    times: Any
 
 
 class Busy(NamedTuple):
@@ -70,10 +67,8 @@ SLACK = 1e-9  # periods: looks that are so little ahead may be behind, but for r
 @inner
 def _ahead(record, lane, schedule, periods, phase):
     """Return how many periods after that time the next look of a lane is."""
-    number = float(record.filled[lane, 1])
-    whole = math.floor(number / schedule.per_period)
-    ahead = (schedule.first[lane, 0] - periods + whole) + (schedule.first[lane, 1] - phase)
-    return ahead + (number - whole * schedule.per_period) / schedule.per_period
+    times, number = schedule.times[lane], record.filled[lane, 1]
+    return (times[0, number] - periods) + (times[1, number] - phase)
 
 
 @inner

@@ -176,7 +176,7 @@ class SystemOrbit(Orbit):
         """
         cycle, unknown = cycle_of(self)
         flow, ends = cycle.flow, cycle.angles(unknown)
-        angles = np.ravel(times) * self.system.force.omega
+        angles = np.ravel(times) * self.system.omega
         kinematics = np.empty((3, len(angles), flow.n))
         for row, angle in enumerate(unknown[0] + (angles - unknown[0]) % cycle.length):
             i = min(int(np.searchsorted(ends, angle, side="right")) - 1, len(cycle.events) - 1)
