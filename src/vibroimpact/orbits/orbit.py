@@ -18,6 +18,8 @@ from vibroimpact.orbits.equations import SAME, TURN, Cycle, Floats, fastest_of, 
 from vibroimpact.parameters import invalid
 from vibroimpact.showing import MOST, Shown, Table
 
+SPLIT = 1e-6  # multipliers that meet on the unit circle are known to the square root of rounding
+
 
 class Rest(NamedTuple):
     """A rest at a stop: the stop's name, and begin and end in driving periods; the whole cycle if it never opens."""
@@ -135,8 +137,9 @@ class Orbit(Shown):
     def stable(self) -> bool:
         """Whether nearby motions settle to the orbit: it is admissible, with all multipliers inside the unit circle.
 
-        The margin must exceed rounding. An inadmissible orbit is never stable, since it is not a motion of the mass;
-        its multipliers are those of the equations.
+        The margin must exceed rounding. An orbit of a system without load and loss is one of a continuum, to which
+        nothing settles, so it is never stable. Nor is an inadmissible orbit, since it is not a motion of the mass; its
+        multipliers are those of the equations.
         """
         return self.admissible and self.spectral_radius < 1.0 - ROUNDING
 
@@ -145,6 +148,11 @@ class Orbit(Shown):
         """Length of the cycle in s."""
         length: float = self.n_periods * self.oscillator.period
         return length
+
+    @property
+    def frequency(self) -> float:
+        """Cycles per second, in Hz."""
+        return 1.0 / self.period
 
     @property
     def lyapunov(self) -> float:
@@ -158,7 +166,9 @@ class Orbit(Shown):
 
     @property
     def _kind(self) -> str:
-        """Stability or inadmissibility of the orbit, in one word."""
+        """Stability or inadmissibility of the orbit, in a word or two."""
+        if self.admissible and not self.oscillator.energy_changes:
+            return f"{'unstable, ' * (self.spectral_radius > 1.0 + SPLIT)}one of a continuum"
         return "stable" if self.stable else "unstable" if self.admissible else "inadmissible"
 
     def _columns(self) -> dict[str, Sequence[Any]]:

@@ -128,6 +128,14 @@ class SystemOrbit(Orbit):
         """Whether the orbit is its own mirror image half a cycle later."""
         return bool(self.half_multipliers)
 
+    @property
+    def energy(self) -> float:
+        """Energy in J, kinetic and elastic, if it is constant; else NaN."""
+        if self.system.energy_changes:
+            return math.nan
+        cycle, unknown = cycle_of(self)
+        return cycle.flow.energy(unknown[len(cycle.events) :], cycle.pushing)[0] * cycle.flow.omega**2
+
     def _columns(self) -> dict[str, Sequence[Any]]:
         columns = {"stop": self.stops, **super()._columns(), "impulse [N s]": self.impulses}
         if any(contact.peak_force > 0.0 for contact in self.contacts):
