@@ -128,7 +128,7 @@ def test_a_family_that_first_loses_energy_has_two_orbits_below_its_first_contact
     low, high = sorted(orbit.frequency for orbit in vi.find_orbit(TWO, energy=0.68))
     assert low > float(TWO.natural_frequencies[0]) / (2.0 * math.pi)
     assert high > low
-    with pytest.raises(ValueError, match=r"its orbits with contact have at least 0\.675\d+ J"):
+    with pytest.raises(ValueError, match=r"orbits with contact in its family have at least 0\.67482\d+ J"):
         vi.find_orbit(TWO, energy=0.6)
 
 
@@ -207,3 +207,50 @@ def test_a_mode_that_touches_nothing_is_linear_at_every_energy():
     )
     with pytest.raises(ValueError, match=r"mode 2 is linear, with 0\.3183099 Hz at every energy"):
         vi.find_orbit(apart, energy=9.0, mode=2)
+
+
+def test_a_branch_along_the_energy_begins_at_the_linear_mode_and_its_frequency_rises():
+    (orbit,) = vi.find_orbit(ONE, energy=0.01)
+    branch = vi.continue_orbit(orbit, "energy", (1e-4, 0.1), step=0.1)
+    assert branch.outcome == ("grazing", "range")
+    assert branch.values[[0, -1]] == pytest.approx([0.5e-3, 0.1], rel=1e-8)
+    assert branch.frequencies[0] == pytest.approx(math.sqrt(10.0) / (2.0 * math.pi), rel=1e-6)
+    assert (np.diff(branch.frequencies) > -1e-14).all()
+    assert branch.dataset["cycle_frequency"].values == pytest.approx(branch.frequencies)
+    assert branch.dataset["energy"].attrs["units"] == "J"
+    (again,) = vi.find_orbit(ONE, energy=float(branch.values[40]))
+    assert branch.frequencies[40] == pytest.approx(again.frequency, rel=1e-10)
+
+
+def test_a_branch_along_the_energy_turns_at_folds_and_its_orbits_are_those_of_find_orbit():
+    orbit = vi.find_orbit(TWO, energy=0.68)[-1]
+    branch = vi.continue_orbit(orbit, "energy", (0.6, 2.0), step=0.1)
+    folds = [point for point in branch.special if point.kind == "fold"]
+    assert len(folds) == 2
+    turning = min(folds, key=lambda point: point.value)
+    assert turning.value == pytest.approx(branch.values.min(), rel=1e-12)
+    assert len(vi.find_orbit(TWO, energy=turning.value * (1.0 + 1e-6))) == 2
+    with pytest.raises(ValueError, match="must be larger than"):
+        vi.find_orbit(TWO, energy=turning.value * (1.0 - 1e-6))
+    assert any(orbit.spectral_radius > 1.1 for orbit in branch.orbits)
+    assert sorted(set(branch.dataset["stable"].values.tolist())) == [0, 1]
+
+
+def test_near_its_birth_a_family_has_the_multipliers_of_the_other_linear_modes():
+    energy = first_contact(TWO, 2) * (1.0 + 1e-9)
+    (orbit,) = vi.find_orbit(TWO, energy=energy, mode=2)
+    other = np.exp(2j * np.pi * TWO.natural_frequencies[0] / TWO.natural_frequencies[1])
+    assert min(abs(value - other) for value in orbit.multipliers) < 2e-3
+
+
+def test_the_energy_is_followed_only_where_it_is_constant():
+    (free,) = vi.find_orbit(ONE, energy=0.01)
+    with pytest.raises(ValueError, match="`parameter` must be 'energy' for this orbit, got 'omega'"):
+        vi.continue_orbit(free, "omega", (1.0, 9.0))
+    with pytest.raises(ValueError, match="one that holds the orbit's energy, 0.01"):
+        vi.continue_orbit(free, "energy", (0.02, 0.1))
+    (forced,) = vi.find_orbit(vi.ImpactOscillator())
+    with pytest.raises(
+        ValueError, match="must not be 'energy', since the energy is not constant: the system is damped"
+    ):
+        vi.continue_orbit(forced, "energy", (0.02, 0.1))

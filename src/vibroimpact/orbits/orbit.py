@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
@@ -15,7 +15,7 @@ from vibroimpact.model import Model, State, check_names
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING, objection
 from vibroimpact.orbits.equations import SAME, TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
-from vibroimpact.parameters import invalid
+from vibroimpact.parameters import Parameter, invalid
 from vibroimpact.showing import MOST, Shown, Table
 
 SPLIT = 1e-6  # multipliers that meet on the unit circle are known to the square root of rounding
@@ -245,14 +245,14 @@ def value_of(model: Model, name: str) -> float:
     return float(values[name] if name in values else getattr(model, name))
 
 
-def check_pair(model: Model, parameter: str, name: str, pair: Any) -> tuple[float, float]:
-    """Return the two values of a model parameter given in an argument."""
-    check_names(model.parameters, [parameter])
+def check_pair(table: Mapping[str, Parameter], parameter: str, name: str, pair: Any) -> tuple[float, float]:
+    """Return the two values of a parameter in a table of parameters, given in an argument."""
+    check_names(table, [parameter])
     try:
         first, second = pair
     except (TypeError, ValueError):
         raise invalid(name, pair, f"two values of {parameter}") from None
-    return model.parameters[parameter].check(first), model.parameters[parameter].check(second)
+    return table[parameter].check(first), table[parameter].check(second)
 
 
 def make_orbit(model: Model, cycle: Cycle, z: Floats) -> Orbit:

@@ -34,6 +34,7 @@ EASY = 4  # corrections, at most, before a longer step
 GROWTH = 1.6  # of the step after an easy one
 MOST = 250  # orbits followed in one direction, at most
 _ENDS = {"grazing": "grazes a stop", "lost": "is lost", "budget": f"was left after {MOST} orbits"}
+HALVINGS = 50  # in search of a fold between two orbits
 FAR = 0.2  # of a cycle: an event further from its return than this does not repeat
 
 
@@ -61,23 +62,26 @@ def find_of_energy(design: Any, energy: Any, mode: Any) -> Orbits[SystemOrbit]:
     if math.isinf(amplitude):
         raise ValueError(f"{linear} at every energy, since it moves no stop's clearance; choose another `mode`")
     contact = 0.5 * (amplitude * rate) ** 2
-    first, end, least, most = born(system, at), "lost", contact, contact
-    crossings = [at_energy(first, first, joules)] if first is not None and contact < joules <= first.joules else []
-    if first is not None and not crossings:
+    size = 0.5 * math.sqrt(joules / contact - 1.0) if joules > contact else BORN
+    first, end, least, most = born(system, at, size), "lost", contact, contact
+    crossings: list[Member | None] = []
+    if first is not None:
         before = first
         for one, end in follow(first, LONGEST, 0.0, max(joules, BEYOND * contact)):
             if end == "range" and abs(one.joules - joules) < TIED * joules:
                 crossings.append(one)
-            elif (before.joules < joules) != (one.joules < joules):
-                crossings.append(at_energy(before, one, joules))
-            before, least, most = one, min(least, one.joules), max(most, one.joules)
+                break
+            for each in filter(None, (located("fold", before, one), one)):
+                if (before.joules < joules) != (each.joules < joules):
+                    crossings.append(at_energy(before, each, joules))
+                before, least, most = each, min(least, each.joules), max(most, each.joules)
             if crossings and joules > contact:
                 break
     orbits = [one.orbit(system) for one in crossings if one is not None]
     if orbits:
         return Orbits(orbits, message=counted(len(orbits), f"{orbits[0].name} orbit"))
     if joules <= contact:
-        lowest = f", and its orbits with contact have at least {least:.7g} J" * (least < contact * (1.0 - TIED))
+        lowest = f"; orbits with contact in its family have at least {least:.7g} J" * (least < contact * (1.0 - TIED))
         hint = f"{linear}, up to its first contact at {contact:.7g} J{lowest}"
         raise invalid("energy", joules, f"larger than {least:.7g} J", hint)
     if first is None:
@@ -98,15 +102,15 @@ def first_contact(flow: Flow, at: int) -> tuple[float, Any]:
     return least, np.flatnonzero(amplitudes <= least * (1.0 + TIED))
 
 
-def born(system: ImpactSystem, at: int) -> Member | None:
+def born(system: ImpactSystem, at: int, size: float = BORN) -> Member | None:
     """Return the first orbit of the family that is born from a mode at its first contact, in the direction of others.
 
-    A contact with a compliant stop is short, an impact on a rigid one slow.
+    A contact with a compliant stop is short, an impact on a rigid one slow: at most `size` radians of the mode.
     """
     flow = Flow(system.replace(omega=float(system.natural_frequencies[at])))
     amplitude, touched = first_contact(flow, at)
     images, _ = mirror(system)
-    half = BORN / max(flow.phase((stop,)).fastest if flow.compliant[stop] else 1.0 for stop in touched)
+    half = min(size, BORN / max(flow.phase((stop,)).fastest if flow.compliant[stop] else 1.0 for stop in touched))
     events = []
     for stop in touched.tolist():
         middle = 0.0 if flow.beta[stop, at] > 0.0 else math.pi
@@ -289,3 +293,19 @@ def at_energy(inside: Member, beyond: Member, joules: float) -> Member | None:
         if again is not None:
             return again
     return None
+
+
+def located(kind: str, a: Member, b: Member) -> Member | None:
+    """Return the orbit between two of the same events at which a test changes its sign; None if it does not."""
+    if a.cycle.events != b.cycle.events or (a.tests[kind] > 0.0) == (b.tests[kind] > 0.0):
+        return None
+    chord, columns, low, high = b.z - a.z, sizes(a.cycle, a.z), 0.0, 1.0
+    found = None
+    for _ in range(HALVINGS):
+        share = 0.5 * (low + high)
+        done = corrected(a.cycle, a.z + share * chord, chord / columns**2)
+        if done is None:
+            return None
+        found = member(a.cycle, done[0], done[2], a.tangent * columns)
+        low, high = (share, high) if (found.tests[kind] > 0.0) == (a.tests[kind] > 0.0) else (low, share)
+    return found
