@@ -27,6 +27,7 @@ IMAGES = DOCS / "images"
 PICTURES = {
     "index.md": ["hardest-hit"],
     "guide/supports.md": ["supports"],
+    "guide/free_vibration.md": ["free-vibration"],
     "applications/tube_in_support": ["tube-in-support"],
     "applications/tube_in_two_supports": ["tube-in-two-supports"],
     "applications/two_designs": ["verdict"],

@@ -254,3 +254,14 @@ def test_the_energy_is_followed_only_where_it_is_constant():
         ValueError, match="must not be 'energy', since the energy is not constant: the system is damped"
     ):
         vi.continue_orbit(forced, "energy", (0.02, 0.1))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("design", [ONE, vi.ImpactOscillator(amplitude=0.0, damping=0.0, restitution=1.0, gap=0.5)])
+def test_a_verdict_calls_motions_without_load_and_loss_one_of_a_continuum_and_no_attractor(design):
+    words = " ".join(str(vi.describe(design)).split())
+    assert (
+        "100 % of the initial conditions: motions of constant energy, periodic or not, each one of a continuum" in words
+    )
+    assert "undecided" not in words
+    assert vi.attractors(design) == []

@@ -115,9 +115,10 @@ def attractors(
     first kept one and mean agree with, within :math:`10^{-6} \|(1 - J)^{-1}\|`, J the derivative of the cycle's map.
     Where every mode decays, impacts determine all coordinates. Impacts on a rigid stop with r = 1, or on an undamped
     compliant one, last where no damping reaches what they start: nothing attracts there, and what strikes such a stop
-    is undecided. Chaotic motions are compared by boxes of the impact surfaces of all stops. All quasi-periodic motions
-    count as one attractor, all that stick and never repeat as another, and all that never hit again as a third, also
-    with a mode that nothing damps. Below a second for a periodic system, seconds for a chaotic one.
+    is undecided; without any load, `find_orbit` finds such motions by their energy. Chaotic motions are compared by
+    boxes of the impact surfaces of all stops. All quasi-periodic motions count as one attractor, all that stick and
+    never repeat as another, and all that never hit again as a third, also with a mode that nothing damps. Below a
+    second for a periodic system, seconds for a chaotic one.
 
     Examples
     --------

@@ -145,7 +145,7 @@ def continue_orbit(
     >>> (orbit,) = find_orbit(system, energy=0.01)
     >>> branch = continue_orbit(orbit, "energy", (0.001, 0.1), step=0.1)
     >>> branch.frequencies[[0, -1]].round(6).tolist()
-    [0.567459, 0.696178]
+    [0.556889, 0.696221]
     """
     _check_orbit(orbit)
     of_energy = parameter == ENERGY.name and parameter not in orbit.model.parameters

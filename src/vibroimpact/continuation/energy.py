@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.continuation.equations import Range
-from vibroimpact.continuation.following import Way
+from vibroimpact.continuation.following import MOST_POINTS, Way
 from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.orbits.systems.conserved import Member, member_of, misses
 from vibroimpact.orbits.systems.nonlinear_modes import follow, located
@@ -40,7 +40,7 @@ def along_energy(orbit: Any, ends: Range, longest: float, direction: float) -> I
     first = member_of(orbit)
     before = replace(first, tangent=direction * first.tangent)
     way = Way([_Free(before, orbit.system)])
-    for after, end in follow(before, longest, *ends):
+    for after, end in follow(before, longest, *ends, MOST_POINTS):
         way.end = end or "budget"
         if after is before:
             break

@@ -237,13 +237,13 @@ def gained(passed: Member) -> Member | None:
     return None
 
 
-def follow(first: Member, longest: float, low: float, high: float) -> Iterator[tuple[Member, str]]:
+def follow(first: Member, longest: float, low: float, high: float, most: int = MOST) -> Iterator[tuple[Member, str]]:
     """Yield the orbits after the first along the curve, up to one of two energies in J.
 
-    Each comes with the reason why it is the last, "range", "grazing" or "lost" (the last one again), else empty.
+    Each comes with the reason why it is the last, "range", "grazing", "lost" or "budget" (the last one again), or "".
     """
     current, step, beyond = first, longest, None
-    for _ in range(MOST):
+    for _ in range(most):
         columns = sizes(current.cycle, current.z)
         done = corrected(current.cycle, current.z + step * columns * current.tangent, current.tangent / columns)
         following = None
