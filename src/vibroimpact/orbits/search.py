@@ -103,7 +103,9 @@ def find_orbit(
     so two multipliers are 1: such a motion is periodic, one of a continuum, and attracts no other. The others come in
     pairs with the product 1. At small energy they are exp(2 pi i f_j/f) of the other modes; where a pair meets at 1 or
     -1, another mode is in internal resonance. Without contact the motion is linear, and the error tells its frequency
-    and the energy of the first contact. A search takes 0.1 to 1 s.
+    and the energy of the first contact. Stops that are touched at the same instant, and families that wind through many
+    grazes near an internal resonance, may leave the list empty; `message` then gives the energies that were reached. A
+    search takes 0.1 to 1 s, near internal resonances up to 20 s.
 
     References
     ----------
