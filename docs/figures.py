@@ -28,6 +28,7 @@ PICTURES = {
     "index.md": ["hardest-hit"],
     "guide/response.md": ["response"],
     "guide/supports.md": ["supports"],
+    "guide/free_vibration.md": ["free-vibration"],
     "applications/tube_in_support": ["tube-in-support"],
     "applications/tube_in_two_supports": ["tube-in-two-supports"],
     "applications/two_designs": ["verdict"],

@@ -339,7 +339,7 @@ def between_walls(restitution, damping=0.0, spring=0.0, gaps=(1.0, 1.0)):
     return of(1.0, damping, spring, 1.0, walls)
 
 
-def test_a_mass_that_bounces_between_elastic_walls_for_ever_is_undecided():
+def test_a_mass_that_bounces_between_elastic_walls_for_ever_is_one_of_a_continuum():
     walls = between_walls((1.0, 1.0))
     hits = vi.impact_section(walls, start=vi.State(0.0, 1.0), transient_impacts=0)
     np.testing.assert_allclose(hits["velocity"], 1.0, rtol=1e-12)
@@ -348,8 +348,8 @@ def test_a_mass_that_bounces_between_elastic_walls_for_ever_is_undecided():
     portrait = vi.basins(walls, displacement=[-0.5, 0.5], velocity=[0.0, 1.0])
     assert portrait["attractor"].values.tolist() == [[0, -1], [0, -1]]  # what is at rest stays so
     verdict = " ".join(str(vi.describe(walls, parameters=[])).split())
-    assert "100 %: undecided" in verdict
-    assert "no impacts from rest, but 100 % of the initial conditions are undecided" in verdict
+    assert "100 %: motions of constant energy, periodic or not, each one of a continuum" in verdict
+    assert "no impacts from rest, but 100 % of the initial conditions keep the energy with which they hit" in verdict
     assert "from any of" not in verdict
 
 

@@ -80,8 +80,8 @@ def test_no_impacts_are_claimed_of_initial_conditions_that_are_undecided():
     verdict = text_of(
         vi.describe(vi.ImpactOscillator(amplitude=0.0, damping=0.0, restitution=1.0, gap=-0.5), parameters=[])
     )
-    assert "100 % of the initial conditions: undecided" in verdict
-    assert "no impacts from rest, but 100 % of the initial conditions are undecided" in verdict
+    assert "100 % of the initial conditions: motions of constant energy" in verdict
+    assert "no impacts from rest, but 100 % of the initial conditions keep the energy with which they hit" in verdict
     assert "from any of" not in verdict
 
 

@@ -339,3 +339,12 @@ _TABLE = (
 )  # fmt: skip
 # The numbers of one mass, its load and its stop that an axis may vary, by name.
 OF_ONE_MASS: Mapping[str, Parameter] = MappingProxyType({entry.name: entry for entry in _TABLE})
+
+# An orbit of a system without load and loss has it, no model.
+ENERGY = Parameter("energy", "energy", "J", "E", 0.0)
+
+
+def parameter_of(model: Any, name: str) -> Parameter:
+    """Return a parameter of a model, or the energy of its motion."""
+    parameters: Mapping[str, Parameter] = model.parameters
+    return ENERGY if name == ENERGY.name and name not in parameters else parameters[name]

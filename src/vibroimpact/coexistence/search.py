@@ -115,10 +115,11 @@ def attractors(
     velocity within :math:`10^{-6} \|(1 - J)^{-1}\|`, where J is the derivative of the cycle's map; the cycle is
     followed further and, unless it rests, solved for. If every mode decays, impacts determine all coordinates. Impacts
     on a rigid stop with r = 1, or on an undamped compliant stop, last if damping does not act on the motion that they
-    excite: nothing is attracted then, and a motion that strikes such a stop is undecided. Chaotic motions are compared
-    by boxes on the impact surfaces of all stops. All quasi-periodic motions count as one attractor, all that stick and
-    never repeat as another, and all that never hit again as a third, even with an undamped mode. Time: less than a
-    second for a periodic system, seconds for a chaotic one.
+    excite: nothing is attracted then, and a motion that strikes such a stop is undecided; without any load,
+    `find_orbit` finds such motions by their energy. Chaotic motions are compared by boxes on the impact surfaces of all
+    stops. All quasi-periodic motions count as one attractor, all that stick and never repeat as another, and all that
+    never hit again as a third, even with an undamped mode. Time: less than a second for a periodic system, seconds for
+    a chaotic one.
 
     Examples
     --------

@@ -143,6 +143,8 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
     if not isinstance(point, BifurcationPoint) or point.kind not in ("period_doubling", "pitchfork"):
         kind = getattr(point, "kind", point)
         raise invalid("point", kind, "a period doubling or a pitchfork", "take one from the `special` of a branch")
+    if not point.orbit.oscillator.energy_changes:
+        raise ValueError("`point` belongs to a free vibration without loss; its doubled orbits are not available")
     size = check_share("amplitude", amplitude)
     width = scale_of(point.orbit.model, point.parameter, point.value).size
     once, z = equations_of(point.orbit, (point.parameter,), ((point.value - width, point.value + width),))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.continuation.bifurcations import between, lost_contact
+from vibroimpact.continuation.energy import along_energy
 from vibroimpact.continuation.equations import Equations, Range
 from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import EDGE, MOST_POINTS, Way, both_ways, check_range, check_share, follow
@@ -20,7 +21,7 @@ from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.resting import resting_orbits
 from vibroimpact.orbits.sticking_end import KIND, ending
-from vibroimpact.parameters import invalid, truth
+from vibroimpact.parameters import ENERGY, invalid, truth
 from vibroimpact.progress import Report, reporter
 
 ONE_HALF = 1e-6  # largest difference between the halves of a doubled orbit that has merged with the simple one
@@ -55,7 +56,8 @@ def continue_orbit(
         The orbit to begin with, from `find_orbit` or `switch_branch`.
     parameter : str
         The parameter to vary: any parameter of the orbit's model, including `frequency` (Hz) and the parameters of a
-        family; for a system `omega`, `frequency`, or the gap or restitution of a stop.
+        family; for a system `omega`, `frequency`, or the gap or restitution of a stop. For an orbit of a system without
+        load and loss, from ``find_orbit(energy=...)``, it is "energy" (J).
     range : tuple of two float
         Its lowest and highest value; the orbit's own value must lie between.
     step : float, 1e-6 to 0.5
@@ -104,6 +106,12 @@ def continue_orbit(
     bifurcation. If it is damped, the force jumps at contact and the multipliers jump at the graze, where the branch may
     turn back.
 
+    Along the energy, the period of an orbit varies with it: `Branch.frequencies` has it. The multipliers other than the
+    two that are 1 show internal resonances: where a pair meets at 1, the branch folds or others cross it; where a pair
+    meets at -1 a period doubling is listed (a pitchfork for a symmetric orbit, whose half map is used). Contacts appear
+    and disappear without a special point. The branch ends as "grazing" where its last contact vanishes, at the linear
+    mode, or where no orbit is found beyond a graze.
+
     References
     ----------
     .. [1] H. B. Keller, "Numerical solution of bifurcation and nonlinear eigenvalue problems", in Applications of
@@ -129,13 +137,31 @@ def continue_orbit(
     >>> branch = continue_orbit(find_orbit(ball)[0], "amplitude", (1e-4, 1.6e-4), step=0.1)
     >>> [(point.kind, round(point.value * (100 * np.pi) ** 2 / 9.81, 9)) for point in branch.special]
     [('fold', 1.047197551), ('period_doubling', 1.526823701)]
+
+    The frequency of free vibration of a mass with a spring behind its gap rises with the energy:
+
+    >>> from vibroimpact import ImpactSystem, Stop
+    >>> system = ImpactSystem(mass=1.0, stiffness=10.0, stops=[Stop(direction=1, gap=0.01, stiffness=50.0)])
+    >>> (orbit,) = find_orbit(system, energy=0.01)
+    >>> branch = continue_orbit(orbit, "energy", (0.001, 0.1), step=0.1)
+    >>> branch.frequencies[[0, -1]].round(6).tolist()
+    [0.556889, 0.696221]
     """
     _check_orbit(orbit)
-    ends = check_range(orbit.model, parameter, range, orbit)
+    of_energy = parameter == ENERGY.name and parameter not in orbit.model.parameters
+    changes = orbit.oscillator.energy_changes
+    if of_energy and changes:
+        raise ValueError(f"`parameter` must not be {parameter!r}, since the energy is not constant: {changes}")
+    if not (of_energy or changes):
+        hint = "free vibration without loss is followed along its energy"
+        raise invalid("parameter", parameter, f"{ENERGY.name!r} for this orbit", hint)
+    ends = check_range(orbit.model, parameter, range, orbit, {parameter: ENERGY} if of_energy else None)
     longest, virtual = check_share("step", step), truth("virtual", virtual)
     directions: Callable[[float], Iterator[Way]]
     if orbit.sticks:
         directions = partial(_resting, orbit, parameter, ends, longest)
+    elif of_energy:
+        directions = partial(along_energy, orbit, ends, longest)
     else:
         equations, z = equations_of(orbit, (parameter,), (ends,))
         directions = partial(_with_orbits, equations, _corrected(equations, equations.pack(z)), longest, virtual)

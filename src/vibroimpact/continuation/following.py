@@ -7,7 +7,7 @@ Theory, Academic Press (1977) 359-384).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,7 +18,7 @@ from vibroimpact.continuation.points import Point
 from vibroimpact.model import Model
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit, check_pair
-from vibroimpact.parameters import invalid, real_number
+from vibroimpact.parameters import Parameter, invalid, real_number
 from vibroimpact.progress import Report
 
 SHORTEST = 1e-6  # of the longest step
@@ -101,9 +101,11 @@ def both_ways(walk: Callable[[float], Iterator[Way]], report: Report) -> list[Wa
     return ways
 
 
-def check_range(model: Model, name: Any, ends: Any, orbit: Orbit | None) -> Range:
+def check_range(
+    model: Model, name: Any, ends: Any, orbit: Orbit | None, table: Mapping[str, Parameter] | None = None
+) -> Range:
     """Return the ends of a parameter's range, which must include the value of an orbit if there is one."""
-    low, high = check_pair(model, name, "range", ends)
+    low, high = check_pair(model.parameters if table is None else table, name, "range", ends)
     if not low < high:
         raise invalid("range", (low, high), "a lower number before a higher one")
     if orbit and not low <= orbit.value(name) <= high:

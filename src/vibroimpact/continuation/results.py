@@ -21,7 +21,8 @@ from vibroimpact.dataset import (
     variable,
 )
 from vibroimpact.model import Model
-from vibroimpact.parameters import counted
+from vibroimpact.orbits.orbit import SPLIT
+from vibroimpact.parameters import ENERGY, counted, parameter_of
 from vibroimpact.showing import Shown, Table
 
 if TYPE_CHECKING:
@@ -118,6 +119,11 @@ class Branch(Shown):
         """The parameter at each orbit."""
         return np.array([orbit.value(self.parameter) for orbit in self.orbits])
 
+    @property
+    def frequencies(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Cycles per second at each orbit, in Hz; along the energy they vary."""
+        return np.array([orbit.frequency for orbit in self.orbits])
+
     def _table(self) -> Table:
         rows = [
             (bifurcation_name(point.kind), point.value, max(point.orbit.velocities, default=0.0))
@@ -144,6 +150,14 @@ class Branch(Shown):
             "special_residual": number("special", [point.residual for point in self.special], MISS),
             "special_touch_phase": variable("phase", "special", np.array([q.touch_phase for q in self.special])),
         }
+        if self.parameter == ENERGY.name:
+            cycles = {"long_name": "frequency of the cycle", "units": "Hz"}
+            neutral = [orbit.spectral_radius <= 1.0 + SPLIT for orbit in self.orbits]
+            words = "whether no multiplier is larger than 1", ("unstable", "neutrally_stable")
+            content |= {
+                "cycle_frequency": plain_variable("point", self.frequencies, cycles),
+                "stable": flags("point", neutral, *words),
+            }
         of_special = orbit_variables([point.orbit for point in self.special], p, "special")
         content |= {f"special_{name}": of_special[name] for name in ("velocity", "phase")}
         return _along(self, content, {self.parameter: self.values}, "continue_orbit", {"parameter": self.parameter})
@@ -260,13 +274,13 @@ def orbit_variables(orbits: Sequence[Any], p: int, dim: str) -> dict[str, xr.Var
 
 def _with_unit(model: Model, name: str) -> str:
     """Return a parameter with its unit."""
-    unit = model.parameters[name].unit
+    unit = parameter_of(model, name).unit
     return name if unit in ("", "1") else f"{name} [{unit}]"
 
 
 def axis(model: Model, name: str, dims: Any, values: Any) -> xr.Variable:
     """Return values of a parameter of a model, labelled."""
-    return plain_variable(dims, np.asarray(values, dtype=np.float64), label(model.parameters[name]))
+    return plain_variable(dims, np.asarray(values, dtype=np.float64), label(parameter_of(model, name)))
 
 
 def number(dims: Any, data: Any, long_name: str) -> xr.Variable:

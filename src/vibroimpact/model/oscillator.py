@@ -239,6 +239,11 @@ class ImpactOscillator:
         return self.damping / critical_damping(self.stiffness, self.mass)
 
     @property
+    def energy_changes(self) -> str:
+        """Why the energy of its motions is not constant; empty if it is."""
+        return self.system.energy_changes
+
+    @property
     def steady_amplitude(self) -> float:
         """Amplitude R in m of the steady motion without a stop; infinite at undamped resonance."""
         inertia = self.stiffness - self.mass * self.omega**2

@@ -295,6 +295,15 @@ class ImpactSystem(ByValue):
         return float(sprung[0]) if sprung.size else self.omega
 
     @property
+    def energy_changes(self) -> str:
+        """Why the energy of its motions is not constant; empty if it is: no load, no damping, no loss at the stops."""
+        lossy = [f"{stop.name!r} is not elastic" for stop in self.stops if not stop.element.lossless]
+        moving = [f"{stop.name!r} moves" for stop in self.stops if any(stop.motion.values())]
+        damped = ["the system is damped"] if self.damping.any() else []
+        loaded = ["it has a load"] if any(np.any(load) for load in self.force.vectors.values()) else []
+        return ", ".join([*damped, *loaded, *moving, *lossy])
+
+    @property
     def steady_amplitude(self) -> float:
         """Amplitude in m of the steady a . q without the stop; NaN if it is not a sine, or unless there is one stop."""
         form = self.modal()

@@ -331,7 +331,7 @@ def _roots(a: float, b: float, c: float) -> list[float]:
 
 def _unforced(osc: ImpactOscillator) -> str:
     if osc.restitution == 1.0 and osc.damping == 0.0:
-        return "unforced and without loss: every free motion that reaches the stop is periodic, with its own period"
+        return "unforced and without loss: each motion with impacts is one of a continuum; give its `energy`"
     return UNFORCED
 
 

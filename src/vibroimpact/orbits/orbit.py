@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
@@ -15,8 +15,10 @@ from vibroimpact.model import Model, State, check_names
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING, objection
 from vibroimpact.orbits.equations import SAME, TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
-from vibroimpact.parameters import invalid
+from vibroimpact.parameters import Parameter, invalid
 from vibroimpact.showing import MOST, Shown, Table
+
+SPLIT = 1e-6  # multipliers that meet on the unit circle are known to the square root of rounding
 
 
 class Rest(NamedTuple):
@@ -135,8 +137,9 @@ class Orbit(Shown):
     def stable(self) -> bool:
         """Whether nearby motions settle to the orbit: it is admissible, with all multipliers inside the unit circle.
 
-        The margin must exceed rounding. An inadmissible orbit is never stable, since it is not a motion of the mass;
-        its multipliers are those of the equations.
+        The margin must exceed rounding. An orbit of a system without load and loss is one of a continuum, to which
+        nothing settles, so it is never stable. Nor is an inadmissible orbit, since it is not a motion of the mass; its
+        multipliers are those of the equations.
         """
         return self.admissible and self.spectral_radius < 1.0 - ROUNDING
 
@@ -145,6 +148,11 @@ class Orbit(Shown):
         """Length of the cycle in s."""
         length: float = self.n_periods * self.oscillator.period
         return length
+
+    @property
+    def frequency(self) -> float:
+        """Cycles per second, in Hz."""
+        return 1.0 / self.period
 
     @property
     def lyapunov(self) -> float:
@@ -158,7 +166,9 @@ class Orbit(Shown):
 
     @property
     def _kind(self) -> str:
-        """Stability or inadmissibility of the orbit, in one word."""
+        """Stability or inadmissibility of the orbit, in a word or two."""
+        if self.admissible and not self.oscillator.energy_changes:
+            return f"{'unstable, ' * (self.spectral_radius > 1.0 + SPLIT)}one of a continuum"
         return "stable" if self.stable else "unstable" if self.admissible else "inadmissible"
 
     def _columns(self) -> dict[str, Sequence[Any]]:
@@ -235,14 +245,14 @@ def value_of(model: Model, name: str) -> float:
     return float(values[name] if name in values else getattr(model, name))
 
 
-def check_pair(model: Model, parameter: str, name: str, pair: Any) -> tuple[float, float]:
-    """Return the two values of a model parameter given in an argument."""
-    check_names(model.parameters, [parameter])
+def check_pair(table: Mapping[str, Parameter], parameter: str, name: str, pair: Any) -> tuple[float, float]:
+    """Return the two values of a parameter in a table of parameters, given in an argument."""
+    check_names(table, [parameter])
     try:
         first, second = pair
     except (TypeError, ValueError):
         raise invalid(name, pair, f"two values of {parameter}") from None
-    return model.parameters[parameter].check(first), model.parameters[parameter].check(second)
+    return table[parameter].check(first), table[parameter].check(second)
 
 
 def make_orbit(model: Model, cycle: Cycle, z: Floats) -> Orbit:

@@ -19,6 +19,8 @@ def find_orbit(
     stops: str | Sequence[str] | None = None,
     symmetric: bool = False,
     near: Any = None,
+    energy: float | None = None,
+    mode: int | None = None,
 ) -> Orbits[Any]:
     r"""Find the period-n impact-p orbits of an oscillator or a system, stable or not.
 
@@ -49,6 +51,11 @@ def find_orbit(
         Not used for one impact on a rigid stop: all solutions are known in closed form. For systems: an orbit, an
         attractor, any state near one, or, with `stops`, the times of the impacts in s; None tries symmetric orbits (two
         impacts) and the motion from rest.
+    energy : float, > 0, optional
+        Energy in J of a periodic motion without load and loss. Its period is then sought, too: the orbit is the one of
+        the family that is born from a linear mode (a nonlinear normal mode). Nothing else but `mode` may be given.
+    mode : int, 1 to n, optional
+        The mode, by ascending frequency, from which that family is born; 1 by default.
 
     Returns
     -------
@@ -89,6 +96,17 @@ def find_orbit(
     search takes 20 to 100 ms. For several impacts, times are a good guess only if each contact lasts about half a
     period of a mass on the stop's spring; a state is a better guess.
 
+    With `energy`, the family of a mode is followed from its first contact, where the mode touches a stop, through its
+    folds (pseudo-arclength), until it has that energy [4]_ [5]_. Above the energy of the first contact the list holds
+    the first orbit on the curve; below it, where some families begin, all of them. The period and the states have the
+    accuracy of other orbits, and the energy is exact to rounding. Orbits of one family differ in energy and in phase,
+    so two multipliers are 1: such a motion is periodic, one of a continuum, and attracts no other. The others come in
+    pairs with the product 1. At small energy they are exp(2 pi i f_j/f) of the other modes; where a pair meets at 1 or
+    -1, another mode is in internal resonance. Without contact the motion is linear, and the error tells its frequency
+    and the energy of the first contact. Stops that are touched at the same instant, and families that wind through many
+    grazes near an internal resonance, may leave the list empty; `message` then gives the energies that were reached. A
+    search takes 0.1 to 1 s, near internal resonances up to 20 s.
+
     References
     ----------
     .. [1] S. W. Shaw and P. J. Holmes, "A periodically forced piecewise linear oscillator", J. Sound Vib. 90 (1983)
@@ -97,6 +115,10 @@ def find_orbit(
        & Fractals 5 (1995) 1671-1681: saltation (theory, equation 5.1).
     .. [3] M. di Bernardo, C. J. Budd, A. R. Champneys and P. Kowalczyk, "Piecewise-smooth Dynamical Systems",
        Springer (2008), chapter 2.
+    .. [4] M. Peeters, R. Viguié, G. Sérandour, G. Kerschen and J.-C. Golinval, "Nonlinear normal modes, Part II", Mech.
+       Syst. Signal Process. 23 (2009) 195-216: continuation in energy.
+    .. [5] F. J. Muñoz-Almaraz, E. Freire, J. Galán, E. Doedel and A. Vanderbauwhede, "Continuation of periodic orbits
+       in conservative and Hamiltonian systems", Physica D 181 (2003) 1-38.
 
     Examples
     --------
@@ -114,9 +136,26 @@ def find_orbit(
     >>> (orbit,) = (orbit for orbit in find_orbit(system, stops="above", symmetric=True) if orbit.stable)
     >>> orbit.stops, orbit.admissible, round(orbit.velocities[0], 12), round(orbit.phases[0], 12)
     (('above', 'below'), True, 1.01091975001, 0.306971826277)
+
+    The free vibration of a mass with a spring behind its gap, at an energy:
+
+    >>> bar = Stop(direction=1, gap=0.01, stiffness=50.0, name="bar")
+    >>> (orbit,) = find_orbit(ImpactSystem(mass=1.0, stiffness=10.0, stops=[bar]), energy=0.00650108331626)
+    >>> round(orbit.frequency, 10), round(orbit.energy, 12), orbit.multipliers
+    (0.6466310406, 0.006501083316, ((1+0j), (1+0j)))
     """
     check_model(osc)
     design = osc.at()
+    if energy is not None:
+        if (n_periods, n_impacts, stops, symmetric, near) != (1, None, None, False, None):
+            raise ValueError("give either `energy` (and `mode`) or the impacts of the orbit, not both")
+        from vibroimpact.orbits.systems.nonlinear_modes import find_of_energy
+
+        return find_of_energy(design, energy, mode)
+    if mode is not None:
+        raise invalid(
+            "mode", mode, "omitted without `energy`", "it is the mode from which orbits of an energy are born"
+        )
     n = whole_number("n_periods", n_periods, 1)
     p = whole_number("n_impacts", 1 if n_impacts is None else n_impacts, -1, IMPACTS)
     if p == 0:

@@ -159,7 +159,7 @@ def end_of_sticking(osc: Model, parameter: str, between: tuple[float, float], *,
     (1, 0.347180413266)
     """
     check_model(osc)
-    inside, outside = check_pair(osc, parameter, "between", between)
+    inside, outside = check_pair(osc.parameters, parameter, "between", between)
     longest = whole_number("longest", longest, 1)
     if inside == outside:
         raise invalid("between", between, f"two different values of {parameter}")

@@ -33,6 +33,7 @@ CHANGES = 3  # advised, listed at most
 MOTIONS = 12  # coexisting, listed at most
 HARDER = 1.02  # times the hits of a motion: transients that hit so hard are mentioned
 FIRST = PAPER.transient + PAPER.keep  # impacts that a map computes of a motion
+CONTINUUM = "motions of constant energy, periodic or not, each one of a continuum; none is an attractor"
 INDENT, CELL = "  ", 30  # of a table, and its widest cells
 
 Fact = str | Table
@@ -260,7 +261,7 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
     if len(motions) > MOTIONS:
         yield f"and {len(motions) - MOTIONS} more"
     if motions and undecided:
-        yield f"{100.0 * undecided:.3g} %{of}: undecided"
+        yield f"{100.0 * undecided:.3g} %{of}: {'undecided' if design.energy_changes else CONTINUUM}"
 
 
 def _slow(motion: Coexisting) -> str:
@@ -280,7 +281,8 @@ def _advice_lines(verdict: Verdict) -> Iterator[str]:
         yield "none, as the motion from rest was not followed to its end"
     elif verdict.worst is None and verdict.undecided:
         share = f"{100.0 * verdict.undecided:.3g} %"
-        yield f"none: no impacts from rest, but {share} of the initial conditions are undecided"
+        which = "are undecided" if verdict.oscillator.energy_changes else "keep the energy with which they hit"
+        yield f"none: no impacts from rest, but {share} of the initial conditions {which}"
     elif verdict.worst is None:
         yield f"no impacts from rest or from any of {SPREAD} spread initial conditions"
     elif not verdict.boundaries:

@@ -29,7 +29,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,7 +120,7 @@ class Cycle:
         cycle = replace(self, events=self.events + self.next_events, images=())
         return cycle, np.concatenate([unknown[:p], unknown[:p] + self.length, unknown[p:]])
 
-    def rotated(self, unknown: Floats, first: int) -> tuple[Cycle, Floats]:
+    def rotated(self, unknown: Floats, first: int) -> tuple[Self, Floats]:
         """Return the same cycle from another event on, and its unknown."""
         p = len(self.events)
         cycle = replace(self, events=self.events[first:] + self.next_events[:first], pushing=self.phases[first])

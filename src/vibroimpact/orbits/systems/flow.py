@@ -172,6 +172,18 @@ class Flow:
         rate: Floats = phase.matrix @ x + phase.load @ z
         return rate
 
+    def energy(self, x: Floats, pushing: Pushing) -> tuple[float, Floats]:
+        """Return kinetic and elastic energy of a system without load, over w^2, and its gradient by the state."""
+        n, place = self.n, x[: self.n] / self.units
+        gradient = np.concatenate([self.rates**2 * place, x[n:]])
+        energy = 0.5 * float(x[n:] @ x[n:] + place @ gradient[:n])
+        for stop in pushing:
+            u, k = float(self.bounds[stop, 0] - self.beta[stop] @ place), float(self.stiffness[stop])
+            energy += 0.5 * k * u * u
+            gradient[:n] -= k * u * self.beta[stop]
+        gradient[:n] /= self.units
+        return energy, gradient
+
     def clearance(self, stop: int, x: Floats, z: Floats, pushing: Pushing = ()) -> tuple[float, float, float]:
         """Return the clearance of a stop over its length, and its first two derivatives."""
         beta, rate = self.beta[stop], self.rate(x, z, pushing)

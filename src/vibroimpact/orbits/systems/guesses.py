@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -87,20 +87,13 @@ def traced(flow: Flow, n_periods: int, state: Any, stops: tuple[int, ...] | int)
     x = np.linalg.solve(flow.physical, np.append(state.displacement, state.velocity))
     angle = state.time * flow.omega
     passed: list[Occurrence] = []
-    pushing, last, last_stop = pressed(flow, x, flow.drive(angle)), angle + TURN * (2 * n_periods + 1), -1
-    while sum(each.event.kind == IMPACT for each in passed) <= number:
-        if angle > last or len(passed) > MOST_EVENTS:
-            return None
-        longest = CHUNK / flow.phase(pushing).fastest
-        occurrence = _next(flow, x, angle, longest, pushing, last_stop)
-        if occurrence is None:
-            x, angle, last_stop = flow.fly(x, angle, angle + longest, pushing), angle + longest, -1
-            continue
-        event = occurrence.event
-        if passed or event.kind == IMPACT:
+    for occurrence in occurrences(flow, x, angle, angle + TURN * (2 * n_periods + 1)):
+        if passed or occurrence.event.kind == IMPACT:
             passed.append(occurrence)
-        x, angle, last_stop = occurrence.x, occurrence.angle, event.stop
-        x, pushing = flow.struck(event.stop, x, flow.drive(angle)), event.then(pushing, flow.compliant.tolist())
+        if sum(each.event.kind == IMPACT for each in passed) > number:
+            break
+    else:
+        return None
     *events, again = passed
     cycle = Cycle(flow, n_periods, tuple(each.event for each in events), (), events[0].pushing)
     if abs(again.angle - events[0].angle - cycle.length) > 0.1 or again.event != events[0].event:
@@ -117,6 +110,21 @@ def traced(flow: Flow, n_periods: int, state: Any, stops: tuple[int, ...] | int)
     cycle, unknown = cycle.rotated(unknown, max(fitting, key=lambda at: speeds[at]))
     unknown[: len(events)] -= TURN * np.floor(unknown[0] / TURN)
     return cycle, unknown
+
+
+def occurrences(flow: Flow, x: Floats, angle: float, last: float) -> Iterator[Occurrence]:
+    """Yield the events of the motion from a state at an angle, up to another angle, at most `MOST_EVENTS`."""
+    pushing, last_stop, number = pressed(flow, x, flow.drive(angle)), -1, 0
+    while angle <= last and number <= MOST_EVENTS:
+        longest = CHUNK / flow.phase(pushing).fastest
+        occurrence = _next(flow, x, angle, longest, pushing, last_stop)
+        if occurrence is None:
+            x, angle, last_stop = flow.fly(x, angle, angle + longest, pushing), angle + longest, -1
+            continue
+        yield occurrence
+        event, x, angle, number = occurrence.event, occurrence.x, occurrence.angle, number + 1
+        x, last_stop = flow.struck(event.stop, x, flow.drive(angle)), event.stop
+        pushing = event.then(pushing, flow.compliant.tolist())
 
 
 def _next(flow: Flow, x: Floats, angle: float, longest: float, pushing: Pushing, last_stop: int) -> Occurrence | None:

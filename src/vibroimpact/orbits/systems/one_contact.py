@@ -72,7 +72,8 @@ def _not_isolated(cycle: Cycle) -> str:
     flow, n = cycle.flow, 2 * cycle.flow.n
     if unforced(cycle):
         lossless = not (flow.damping.any() or flow.viscosity.any())
-        return "unforced and without loss: orbits are not isolated" if lossless else nowhere(cycle)
+        free = "unforced and without loss: each orbit is one of a continuum; give its `energy`"
+        return free if lossless else nowhere(cycle)
     matrices, loads, _ = _equations(cycle, cycle.length * np.array([0.21, 0.47, 0.79]))
     left, sizes, right = np.linalg.svd(matrices)
     steepest = 1.0 + cycle.length * float(np.linalg.norm(flow.phase().matrix, 2))

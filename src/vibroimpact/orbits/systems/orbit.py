@@ -22,6 +22,7 @@ from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.symmetry import mirror
+from vibroimpact.parameters import ENERGY
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -127,6 +128,19 @@ class SystemOrbit(Orbit):
     def symmetric(self) -> bool:
         """Whether the orbit is its own mirror image half a cycle later."""
         return bool(self.half_multipliers)
+
+    @property
+    def energy(self) -> float:
+        """Energy in J, kinetic and elastic, if it is constant; else NaN."""
+        if self.system.energy_changes:
+            return math.nan
+        cycle, unknown = cycle_of(self)
+        return cycle.flow.energy(unknown[len(cycle.events) :], cycle.pushing)[0] * cycle.flow.omega**2
+
+    def value(self, parameter: str) -> float:
+        """Return the value of a parameter of its model, or the "energy" (J) if that is constant."""
+        free = parameter == ENERGY.name and not self.system.energy_changes
+        return self.energy if free else super().value(parameter)
 
     def _columns(self) -> dict[str, Sequence[Any]]:
         columns = {"stop": self.stops, **super()._columns(), "impulse [N s]": self.impulses}

@@ -1,0 +1,267 @@
+"""Free vibration without loss: orbits of a given energy, their families in energy, and what they are called."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import vibroimpact as vi
+
+ONE = vi.ImpactSystem(mass=1.0, stiffness=10.0, stops=[vi.Stop(direction=1, gap=0.01, stiffness=50.0, name="bar")])
+TWO = vi.ImpactSystem(
+    mass=np.eye(2),
+    stiffness=[[2.0, -1.0], [-1.0, 1.0]],
+    stops=[
+        vi.Stop(direction=[1, 0], gap=1.0, stiffness=30.0, name="above"),
+        vi.Stop(direction=[-1, 0], gap=1.0, stiffness=30.0, name="below"),
+    ],
+)
+
+
+def design(seed):
+    """Return a random system of 2 to 4 coordinates with one or two elastic or undamped stops, and a mode."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    a, b = rng.normal(size=(2, n, n))
+    kinds = [{"restitution": 1.0}, {"stiffness": float(10.0 ** rng.uniform(0.0, 3.0))}]
+    stops = [
+        vi.Stop(direction=rng.normal(size=n), gap=float(rng.uniform(0.2, 1.0)), **kinds[int(rng.integers(2))])
+        for _ in range(int(rng.integers(1, 3)))
+    ]
+    system = vi.ImpactSystem(mass=a @ a.T + 0.5 * n * np.eye(n), stiffness=b @ b.T + 0.3 * np.eye(n), stops=stops)
+    return system, int(rng.integers(1, n + 1))
+
+
+def first_contact(system, mode):
+    """Return the energy at which a linear mode touches a stop, from the eigenvectors of (K, M)."""
+    root = np.linalg.inv(np.linalg.cholesky(system.mass))
+    squares, vectors = np.linalg.eigh(root @ system.stiffness @ root.T)
+    shape = root.T @ vectors[:, mode - 1]
+    return 0.5 * squares[mode - 1] * min((s.gap / (s.direction @ shape)) ** 2 for s in system.stops)
+
+
+def integrated(system, q, speed, time):
+    """Return the state after a time by DOP853, stopped at every contact and separation."""
+    n, mass = len(q), np.linalg.inv(system.mass)
+    a = np.array([stop.direction for stop in system.stops])
+    gaps = np.array([stop.gap for stop in system.stops])
+    k = np.array([stop.stiffness or 0.0 for stop in system.stops])
+    state, begin = np.append(q, speed), 0.0
+    pushing = (gaps - a @ q < 0.0) & (k > 0.0)
+    while begin < time:
+        on = pushing.copy()
+
+        def rates(_, y, on=on):
+            return np.append(y[n:], mass @ (np.where(on, k * (gaps - a @ y[:n]), 0.0) @ a - system.stiffness @ y[:n]))
+
+        def clearance(j, on=on):
+            def event(_, y):
+                return gaps[j] - a[j] @ y[:n]
+
+            event.terminal, event.direction = True, 1.0 if on[j] else -1.0
+            return event
+
+        events = [clearance(j) for j in range(len(k))]
+        flown = solve_ivp(rates, (begin, time), state, "DOP853", events=events, rtol=1e-12, atol=1e-13)
+        state, begin = flown.y[:, -1], flown.t[-1]
+        for j in (j for j, times in enumerate(flown.t_events) if len(times)):
+            if k[j]:
+                pushing[j] = not pushing[j]
+            else:
+                state[n:] -= 2.0 * (a[j] @ state[n:]) / (a[j] @ mass @ a[j]) * (mass @ a[j])
+    return state
+
+
+def between_events(orbit):
+    """Return displacement and velocity in the middle of the longest time without events."""
+    turns = np.array([turn for turn, _, _ in orbit.events])
+    gaps = np.diff(np.append(turns, turns[0] + 1.0))
+    at = int(np.argmax(gaps))
+    q, speed, _ = orbit.motion([(turns[at] + 0.5 * gaps[at]) * orbit.period])
+    return q[0], speed[0]
+
+
+@pytest.mark.parametrize(
+    ("energy", "frequency"),
+    [
+        (0.00650108331626, 0.6466310406),
+        (0.00658129654238, 0.6470147154),
+        (0.00647656819016, 0.6465124272),
+    ],
+)
+def test_a_mass_before_a_spring_has_the_published_frequencies(energy, frequency):
+    (orbit,) = vi.find_orbit(ONE, energy=energy)
+    assert orbit.frequency == pytest.approx(frequency, abs=6e-11)
+    assert orbit.energy == pytest.approx(energy, rel=1e-14)
+
+
+def test_the_frequency_of_a_mass_before_a_spring_is_that_of_its_two_arcs():
+    for energy in (5.1e-4, 2e-3, 0.5):
+        m, k, s, g = 1.0, 10.0, 50.0, 0.01
+        # free: amplitude sqrt(2 E/k) at sqrt(k/m); in contact: sqrt(k + s), about the equilibrium s g/(k + s)
+        free, away = math.sqrt(k / m), math.sqrt(2.0 * energy / k)
+        pressed, middle = math.sqrt((k + s) / m), s * g / (k + s)
+        speed = math.sqrt(2.0 * energy - k * g * g)
+        period = (2.0 * math.pi - 2.0 * math.acos(g / away)) / free
+        period += 2.0 * math.atan2(speed / pressed, g - middle) / pressed
+        (orbit,) = vi.find_orbit(ONE, energy=energy)
+        assert orbit.period == pytest.approx(period, rel=1e-12)
+
+
+@pytest.mark.parametrize("energy", [0.126, 0.5, 20.0])
+def test_one_mass_before_a_rigid_elastic_stop_misses_an_arc_of_its_ellipse(energy):
+    osc = vi.ImpactOscillator(amplitude=0.0, damping=0.0, restitution=1.0, gap=0.5)
+    (orbit,) = vi.find_orbit(osc, energy=energy)
+    assert orbit.period == pytest.approx(2.0 * math.pi - 2.0 * math.acos(0.5 / math.sqrt(2.0 * energy)), rel=1e-12)
+    assert orbit.velocities[0] == pytest.approx(math.sqrt(2.0 * energy - 0.25), rel=1e-12)
+
+
+def test_below_the_first_contact_the_error_tells_the_linear_mode():
+    with pytest.raises(
+        ValueError, match=r"mode 2 is linear, with 0\.2575181 Hz, up to its first contact at 1\.809017 J"
+    ):
+        vi.find_orbit(TWO, energy=1.19768, mode=2)
+
+
+def test_a_family_that_first_loses_energy_has_two_orbits_below_its_first_contact():
+    low, high = sorted(orbit.frequency for orbit in vi.find_orbit(TWO, energy=0.68))
+    assert low > float(TWO.natural_frequencies[0]) / (2.0 * math.pi)
+    assert high > low
+    with pytest.raises(ValueError, match=r"orbits with contact in its family have at least 0\.67482\d+ J"):
+        vi.find_orbit(TWO, energy=0.6)
+
+
+@pytest.mark.long(but=2)
+@pytest.mark.parametrize("seed", range(1, 13))
+def test_an_orbit_closes_after_its_period_and_has_the_energy_that_was_given(seed):
+    system, mode = design(seed)
+    energy = 1.7 * first_contact(system, mode)
+    orbit, *_ = vi.find_orbit(system, energy=energy, mode=mode)
+    assert orbit.admissible
+    q, speed = between_events(orbit)
+    state = integrated(system, q, speed, orbit.period)
+    assert np.abs(state - np.append(q, speed)).max() < 1e-8 * np.abs(np.append(q, speed)).max() * orbit.spectral_radius
+    pressed = np.array(
+        [max(stop.direction @ q - stop.gap, 0.0) ** 2 * (stop.stiffness or 0.0) for stop in system.stops]
+    )
+    total = 0.5 * (speed @ system.mass @ speed + q @ system.stiffness @ q + pressed.sum())
+    assert total == pytest.approx(energy, rel=1e-12)
+    assert orbit.energy == pytest.approx(energy, rel=1e-13)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_two_multipliers_are_1_and_the_others_those_of_the_integrated_motion(seed):
+    system, mode = design(seed)
+    orbit, *_ = vi.find_orbit(system, energy=1.7 * first_contact(system, mode), mode=mode)
+    assert sorted(orbit.multipliers, key=lambda value: abs(value - 1.0))[:2] == [1.0, 1.0]
+    assert math.prod(orbit.multipliers) == pytest.approx(1.0, abs=1e-9)
+    q, speed = between_events(orbit)
+    start, n, columns = np.append(q, speed), len(q), []
+    for step in 1e-5 * np.eye(2 * n):
+        ends = [integrated(system, *np.split(start + sign * step, 2), orbit.period) for sign in (1.0, -1.0)]
+        columns.append((ends[0] - ends[1]) / 2e-5)
+    assert np.trace(columns) == pytest.approx(orbit.trace, rel=1e-4, abs=1e-4)
+
+
+def test_free_vibration_is_called_one_of_a_continuum_and_never_stable():
+    (orbit,) = vi.find_orbit(TWO, energy=3.0, mode=2)
+    assert not orbit.stable
+    assert "one of a continuum" in orbit._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"damping": 0.1}, "the system is damped"),
+        ({"force": vi.Force(omega=2.0, harmonics={1: 1.0})}, "it has a load"),
+        ({"stops": [vi.Stop(direction=1, gap=0.1, restitution=0.9, name="wall")]}, "'wall' is not elastic"),
+        ({"stops": [vi.Stop(direction=1, gap=0.1, stiffness=9.0, damping=0.1, name="wall")]}, "'wall' is not elastic"),
+        ({"stops": [vi.Stop(direction=1, gap=0.1, stiffness=9.0, motion={1: 0.01}, name="wall")]}, "'wall' moves"),
+    ],
+)
+def test_an_energy_is_refused_where_the_energy_is_not_constant(changes, why):
+    system = vi.ImpactSystem(**(ONE.arguments() | changes))
+    with pytest.raises(ValueError, match=f"not constant: {why}"):
+        vi.find_orbit(system, energy=1.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"energy": -1.0}, "`energy` must be a number > 0, in J"),
+        ({"energy": math.nan}, "`energy` must be a number > 0, in J"),
+        ({"energy": 1.0, "mode": 2}, "`mode` must be at most 1"),
+        ({"energy": 1.0, "n_impacts": 2}, "give either `energy`"),
+        ({"mode": 1}, "`mode` must be omitted without `energy`"),
+    ],
+)
+def test_arguments_that_do_not_fit_an_energy_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        vi.find_orbit(ONE, **arguments)
+
+
+def test_a_mode_that_touches_nothing_is_linear_at_every_energy():
+    apart = vi.ImpactSystem(
+        mass=np.eye(2), stiffness=np.diag([1.0, 4.0]), stops=[vi.Stop(direction=[1, 0], gap=1.0, stiffness=5.0)]
+    )
+    with pytest.raises(ValueError, match=r"mode 2 is linear, with 0\.3183099 Hz at every energy"):
+        vi.find_orbit(apart, energy=9.0, mode=2)
+
+
+def test_a_branch_along_the_energy_begins_at_the_linear_mode_and_its_frequency_rises():
+    (orbit,) = vi.find_orbit(ONE, energy=0.01)
+    branch = vi.continue_orbit(orbit, "energy", (1e-4, 0.1), step=0.1)
+    assert branch.outcome == ("grazing", "range")
+    assert branch.values[[0, -1]] == pytest.approx([0.5e-3, 0.1], rel=1e-8)
+    assert branch.frequencies[0] == pytest.approx(math.sqrt(10.0) / (2.0 * math.pi), rel=1e-6)
+    assert (np.diff(branch.frequencies) > -1e-14).all()
+    assert branch.dataset["cycle_frequency"].values == pytest.approx(branch.frequencies)
+    assert branch.dataset["energy"].attrs["units"] == "J"
+    (again,) = vi.find_orbit(ONE, energy=float(branch.values[40]))
+    assert branch.frequencies[40] == pytest.approx(again.frequency, rel=1e-10)
+
+
+def test_a_branch_along_the_energy_turns_at_folds_and_its_orbits_are_those_of_find_orbit():
+    orbit = vi.find_orbit(TWO, energy=0.68)[-1]
+    branch = vi.continue_orbit(orbit, "energy", (0.6, 2.0), step=0.1)
+    folds = [point for point in branch.special if point.kind == "fold"]
+    assert len(folds) == 2
+    turning = min(folds, key=lambda point: point.value)
+    assert turning.value == pytest.approx(branch.values.min(), rel=1e-12)
+    assert len(vi.find_orbit(TWO, energy=turning.value * (1.0 + 1e-6))) == 2
+    with pytest.raises(ValueError, match="must be larger than"):
+        vi.find_orbit(TWO, energy=turning.value * (1.0 - 1e-6))
+    assert any(orbit.spectral_radius > 1.1 for orbit in branch.orbits)
+    assert sorted(set(branch.dataset["stable"].values.tolist())) == [0, 1]
+
+
+def test_near_its_birth_a_family_has_the_multipliers_of_the_other_linear_modes():
+    energy = first_contact(TWO, 2) * (1.0 + 1e-9)
+    (orbit,) = vi.find_orbit(TWO, energy=energy, mode=2)
+    other = np.exp(2j * np.pi * TWO.natural_frequencies[0] / TWO.natural_frequencies[1])
+    assert min(abs(value - other) for value in orbit.multipliers) < 2e-3
+
+
+def test_the_energy_is_followed_only_where_it_is_constant():
+    (free,) = vi.find_orbit(ONE, energy=0.01)
+    with pytest.raises(ValueError, match="`parameter` must be 'energy' for this orbit, got 'omega'"):
+        vi.continue_orbit(free, "omega", (1.0, 9.0))
+    with pytest.raises(ValueError, match="one that holds the orbit's energy, 0.01"):
+        vi.continue_orbit(free, "energy", (0.02, 0.1))
+    (forced,) = vi.find_orbit(vi.ImpactOscillator())
+    with pytest.raises(
+        ValueError, match="must not be 'energy', since the energy is not constant: the system is damped"
+    ):
+        vi.continue_orbit(forced, "energy", (0.02, 0.1))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("design", [ONE, vi.ImpactOscillator(amplitude=0.0, damping=0.0, restitution=1.0, gap=0.5)])
+def test_a_verdict_calls_motions_without_load_and_loss_one_of_a_continuum_and_no_attractor(design):
+    words = " ".join(str(vi.describe(design)).split())
+    assert (
+        "100 % of the initial conditions: motions of constant energy, periodic or not, each one of a continuum" in words
+    )
+    assert "undecided" not in words
+    assert vi.attractors(design) == []
