@@ -127,7 +127,8 @@ def attractors(
     """
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     check_model(osc)
-    return attractors_by(Runner(backend, tolerances, workers), osc.at(), starts, sampling, progress)
+    found = attractors_by(Runner(backend, tolerances, workers), osc.at(), starts, sampling, progress)
+    return [replace(attractor, model=osc) for attractor in found]
 
 
 def check_taken(model: Any, runner: Runner) -> None:
