@@ -19,7 +19,7 @@ from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import Motion
 from vibroimpact.orbits import Orbit, find_orbit, same_orbit
 from vibroimpact.orbits.orbit import family_of
-from vibroimpact.orbits.systems import SystemOrbit, ended
+from vibroimpact.orbits.systems import ended
 from vibroimpact.showing import Shown, Table
 from vibroimpact.status import Status
 
@@ -58,7 +58,7 @@ class Attractor(Shown):
         For systems: the stop of each impact of the cycle.
     model : ImpactOscillator, ImpactSystem or family, optional
         The model that has this attractor.
-    known_orbit : SystemOrbit, optional
+    known_orbit : Orbit, optional
         Its orbit, where that is known already; see `orbit`.
 
     Notes
@@ -90,7 +90,7 @@ class Attractor(Shown):
     transient_velocity: float = 0.0
     stops: tuple[str, ...] = ()
     model: Model | None = field(default=None, repr=False, compare=False)
-    known_orbit: SystemOrbit | None = field(default=None, repr=False, compare=False)
+    known_orbit: Orbit | None = field(default=None, repr=False, compare=False)
 
     @property
     def motion(self) -> Motion:
