@@ -39,7 +39,7 @@ RANDOM = [
 
 @pytest.mark.long(but=3)
 @pytest.mark.parametrize(("make", "seed"), RANDOM[::6] + RANDOM)
-def test_an_attractor_that_repeats_is_a_stable_orbit_which_each_of_its_states_leads_to(make, seed):
+def test_an_attractor_that_repeats_is_a_stable_orbit_which_its_states_lead_to_and_simulate_follows(make, seed):
     model, repeating, rng = periodic_motions(make, seed)
     for attractor in repeating:
         orbit = attractor.orbit
@@ -54,6 +54,10 @@ def test_an_attractor_that_repeats_is_a_stable_orbit_which_each_of_its_states_le
             place, speed, _ = orbit.motion([time])
             at = (place[0], speed[0]) if np.ndim(orbit.start.displacement) else (float(place[0, 0]), float(speed[0, 0]))
             near.append(vi.State(*at, time))
+            followed = vi.simulate(model, start=orbit.start, periods=orbit.n_periods, samples_per_period=40)
+            place, speed, _ = orbit.motion(followed["time"])
+            size = max(np.abs(place).max(), orbit.oscillator.velocity_scale / orbit.oscillator.omega)
+            assert followed["displacement"].values.reshape(place.shape) == pytest.approx(place, abs=1e-7 * size)
         for state in near:
             (found,) = vi.find_orbit(model, near=state)
             assert found.stable
