@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from systems import a_random_machine, on_springs, two_sided
+from systems import a_random_machine, on_springs, sticking, two_sided
 from vibroimpact.orbits import orbit_distance
 
 CHAOS = vi.ImpactOscillator(omega=2.8)
@@ -54,10 +54,10 @@ def test_an_attractor_that_repeats_is_a_stable_orbit_which_its_states_lead_to_an
             place, speed, _ = orbit.motion([time])
             at = (place[0], speed[0]) if np.ndim(orbit.start.displacement) else (float(place[0, 0]), float(speed[0, 0]))
             near.append(vi.State(*at, time))
-            followed = vi.simulate(model, start=orbit.start, periods=orbit.n_periods, samples_per_period=40)
-            place, speed, _ = orbit.motion(followed["time"])
-            size = max(np.abs(place).max(), orbit.oscillator.velocity_scale / orbit.oscillator.omega)
-            assert followed["displacement"].values.reshape(place.shape) == pytest.approx(place, abs=1e-7 * size)
+        followed = vi.simulate(model, start=orbit.start, periods=orbit.n_periods, samples_per_period=40)
+        place, _, _ = orbit.motion(followed["time"])
+        size = max(np.abs(place).max(), orbit.oscillator.velocity_scale / orbit.oscillator.omega)
+        assert followed["displacement"].values.reshape(place.shape) == pytest.approx(place, abs=1e-7 * size)
         for state in near:
             (found,) = vi.find_orbit(model, near=state)
             assert found.stable
@@ -148,3 +148,24 @@ def test_what_no_orbit_is_near_to_is_refused_in_a_sentence():
     for model, near, words in refused:
         with pytest.raises(ValueError, match=re.escape(words)):
             vi.find_orbit(model, near=near)
+
+
+@pytest.mark.parametrize("model", [RESTING, RESTING.system, sticking()], ids=["one mass", "its system", "two masses"])
+def test_accelerations_of_an_orbit_that_rests_are_the_slopes_of_its_velocities(model):
+    (orbit,) = vi.find_orbit(model, near=model.rest)
+    rests = [(rest.begin, rest.end) for rest in orbit.rests]
+    turns = np.arange(200) / 200 * orbit.n_periods
+    hits = np.array([*orbit.phases, *np.ravel(rests)])[:, None]
+    turns = turns[np.abs((turns - hits + 0.5) % 1.0 - 0.5).min(axis=0) > 1e-4]
+    step = 1e-5 * orbit.oscillator.period
+    times = turns * orbit.oscillator.period
+    _, before, _ = orbit.motion(times - step)
+    _, after, _ = orbit.motion(times + step)
+    _, _, acceleration = orbit.motion(times)
+    slope = (after - before) / (2.0 * step)
+    assert acceleration == pytest.approx(slope, abs=1e-6 * np.abs(slope).max())
+    begin, end = rests[0]
+    inside = (turns - begin) % orbit.n_periods < end - begin
+    assert inside.any()
+    if np.size(model.rest.displacement) == 1:
+        assert np.abs(acceleration[inside]).max() < 1e-12
