@@ -25,9 +25,9 @@ import vibroimpact as vi
 from processes import names, python
 from systems import two_masses, two_sided
 from vibroimpact import files
-from vibroimpact.cli.orbits import orbits_dataset
 from vibroimpact.dataset import bundle, impact_speed, model_of, provenance, status_variable, variable
 from vibroimpact.files import formats
+from vibroimpact.orbits.labelled import orbits_dataset
 from vibroimpact.report import sentences_of
 
 OSC = vi.ImpactOscillator(omega=2.8)
@@ -283,7 +283,7 @@ def test_csv_of_a_motion_without_impacts_tells_its_status(tmp_path):
     assert table.status.dropna().tolist() == ["no_impact"]
 
 
-SAVED = "`dataset` must be an xarray.Dataset, .*, got .*; .* save its .dataset"
+SAVED = "`dataset` must be an xarray.Dataset, an orbit, .*, got .*; functions of this package return them"
 LOADED = r"`path` must be a \.zarr folder or a \.nc file, got"
 
 

@@ -290,9 +290,9 @@ def test_how_an_orbit_of_a_system_is_lost_is_said():
         vi.continue_boundary(end, ("omega", "left_gap"), ((1.0, 1.2), (0.0, 0.5)))
 
 
-def test_it_has_no_flights():
+def test_its_motion_is_that_of_simulate():
     orbit = the_orbit(sticking())
-    with pytest.raises(ValueError, match="rests at a stop; follow it with simulate"):
-        orbit.motion([0.0])
+    follow = vi.simulate(orbit.system, start=orbit.start, periods=1)
+    assert orbit.motion(follow["time"])[0] == pytest.approx(follow["displacement"].values, abs=1e-9)
     moved = vi.simulate(orbit.system, start=orbit.start, periods=1)
     assert moved["displacement"].values[-1] == pytest.approx(moved["displacement"].values[0], abs=1e-9)

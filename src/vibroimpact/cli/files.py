@@ -58,11 +58,11 @@ def plot(options: Options) -> None:
 
 def _summarise(file: Path, *, shown: bool = True) -> xr.Dataset:
     """Return a saved result that has been understood, with its sentences printed."""
-    from vibroimpact.files import load
+    from vibroimpact.files import load_dataset
     from vibroimpact.report import sentences_of
 
     with refusing(OSError), _understood(file):
-        dataset = load(file)
+        dataset = load_dataset(file)
         lines = sentences_of(dataset)
     if shown:
         typer.echo("\n".join(map(printable, lines)))
@@ -85,17 +85,18 @@ def _understood(path: Path) -> Iterator[None]:
     Option(
         "file",
         "STORE",
-        "A map written tile by tile, as a .zarr.",
+        "A map written tile by tile, as a .zarr, or any result in a .nc file.",
         flags=(),
         required=True,
     )
 )
 def info(options: Options) -> None:
-    """Progress of a stored map, what it cost and found, and how to continue it.
+    """Progress of a stored map, what it cost and found, and how to continue it; or what is in a .nc file.
 
     For example:
 
       vibroimpact info map.zarr
+      vibroimpact info orbit.nc
     """
     file: Path = options["file"]
     if file.is_file():  # no store, which is a folder

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Mapping
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from vibroimpact.continuation import Boundaries, Branch
     from vibroimpact.model import Model
     from vibroimpact.orbits import Orbit, Orbits
-    from vibroimpact.orbits.systems import SystemOrbit
 
 Range = tuple[float, float]
 
@@ -63,6 +61,8 @@ def orbit(options: Options) -> None:
     arguments = (
         {"n_periods": options.value("n_periods"), **arguments} if "stops" in arguments else _type(options) | arguments
     )
+    from vibroimpact.orbits.labelled import orbits_dataset
+
     output.hand_on(orbits_dataset(orbits, study.model, arguments), options, clock() - began)
 
 
@@ -93,62 +93,6 @@ def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits[Any]:
         times: Any = near and numbers("--near", near, "times in s such as 0.1,0.3")
         only = {"stops": options.value("stops"), "symmetric": bool(symmetric)}
         return vibroimpact.find_orbit(study.model, n_periods=kind["n_periods"], **only, near=times)
-
-
-def orbits_dataset(orbits: Orbits[Any], model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
-    """Return orbits over `orbit` and `impact`, rows padded with NaN; `count` is the number of impacts."""
-    import numpy as np
-    import xarray as xr
-
-    from vibroimpact.continuation.results import number, orbit_variables
-    from vibroimpact.dataset import provenance
-
-    counts = [len(orbit.velocities) for orbit in orbits]
-    content = orbit_variables(orbits, max(counts, default=0), "orbit")
-    parts = {"real": "real part of a Floquet multiplier", "imag": "imaginary part of a Floquet multiplier"}
-    several = not model.at().says_all
-    for part, text in parts.items():
-        rows = [[getattr(complex(value), part) for value in orbit.multipliers] for orbit in orbits]
-        table = np.array(rows) if rows else np.empty((0, 2 * np.size(model.at().mass, 0) if several else 2))
-        if several:
-            content[f"multiplier_{part}"] = number(("orbit", "multiplier"), table, text)
-        else:
-            content |= {f"multiplier_{i}_{part}": number("orbit", column, text) for i, column in enumerate(table.T, 1)}
-    whole = {
-        "n_periods": ([orbit.n_periods for orbit in orbits], "driving periods per cycle"),
-        "n_impacts": ([orbit.n_impacts for orbit in orbits], "impacts per cycle"),
-        "count": (counts, "number of impacts listed"),
-    }
-    for key, (kept, long_name) in whole.items():
-        content[key] = xr.Variable("orbit", np.array(kept, np.int32), {"long_name": long_name, "units": "1"})
-    outcome = {"outcome": orbits.outcome, "message": orbits.sentence}
-    outcome["messages"] = json.dumps([orbit.message for orbit in orbits])
-    if several:
-        content |= _struck(orbits, max(counts, default=0))
-        return xr.Dataset(content, attrs=provenance("find_orbit", model, arguments) | outcome)
-    real = {
-        "stick_phase": "phase of coming to rest at the stop",
-        "release_phase": "phase of leaving the stop",
-        "stuck_time": "time at rest per cycle",
-    }
-    content |= {key: number("orbit", [getattr(orbit, key) for orbit in orbits], text) for key, text in real.items()}
-    content["stuck_time"].attrs["units"] = "s"
-    return xr.Dataset(content, attrs=provenance("find_orbit", model, arguments) | outcome)
-
-
-def _struck(orbits: Orbits[SystemOrbit], p: int) -> dict[str, xr.Variable]:
-    """Return stops and impulses of the impacts of a system's orbits."""
-    import numpy as np
-
-    from vibroimpact.dataset import plain_variable, variable
-
-    names = np.full((len(orbits), p), "", dtype=object)
-    impulses = np.full((len(orbits), p), math.nan)
-    for at, orbit in enumerate(orbits):
-        names[at, : len(orbit.stops)], impulses[at, : len(orbit.stops)] = orbit.stops, orbit.impulses
-    dims = ("orbit", "impact")
-    stops = plain_variable(dims, names.astype(str), {"long_name": "stop that is struck"})
-    return {"stop": stops, "impulse": variable("impulse", dims, impulses)}
 
 
 def orbits_json(orbits: Orbits[Any], model: Model) -> dict[str, Any]:

@@ -105,10 +105,10 @@ def read(options: Options, name: str) -> xr.Dataset | None:
         return None
     if not is_figure(options["out"]):
         raise WrongRequest(f"`--{name}` needs a figure; add for example --out figure.png")
-    from vibroimpact.files import load
+    from vibroimpact.files import load_dataset
 
     with refusing(OSError):
-        return load(options[name])
+        return load_dataset(options[name])
 
 
 def write_json(content: Any, options: Options, path: Path) -> None:
@@ -158,9 +158,9 @@ def draw(dataset: xr.Dataset, options: Options, over: xr.Dataset | None = None) 
     from vibroimpact import plotting
 
     if options.get("sweep") is not None:
-        from vibroimpact.files import load
+        from vibroimpact.files import load_dataset
 
-        return plotting.diagram_with_index(dataset, load(options["sweep"]), index=options.get("index") or "std")
+        return plotting.diagram_with_index(dataset, load_dataset(options["sweep"]), index=options.get("index") or "std")
     index, stop = options.get("index"), options.get("stop")
     if stop is not None and dataset.attrs.get("function") == "parameter_map" and "stop" in dataset.dims:
         dataset = dataset.sel(stop=choice("--stop", stop, dataset["stop"].values.tolist()))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -12,11 +13,13 @@ from vibroimpact.backends import ImpactWindow, StroboscopicWindow
 from vibroimpact.backends.base import Counts
 from vibroimpact.coexistence.measuring import QUIET, Runner
 from vibroimpact.coexistence.settling import Settled
-from vibroimpact.coexistence.striking import SettledMotion, sampled, striking
-from vibroimpact.model import State
+from vibroimpact.coexistence.striking import SAME, SettledMotion, sampled, striking
+from vibroimpact.model import Model, State
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import Motion
-from vibroimpact.orbits.systems import SystemOrbit, ended
+from vibroimpact.orbits import Orbit, find_orbit, same_orbit
+from vibroimpact.orbits.orbit import family_of
+from vibroimpact.orbits.systems import ended
 from vibroimpact.showing import Shown, Table
 from vibroimpact.status import Status
 
@@ -54,8 +57,10 @@ class Attractor(Shown):
         impacts; 0 if there are none.
     stops : tuple of str
         For systems: the stop of each impact of the cycle.
-    orbit : SystemOrbit or None
-        For systems: the exact solution for the cycle, with multipliers, unless it rests at a stop.
+    model : ImpactOscillator, ImpactSystem or family, optional
+        The model that has this attractor.
+    known_orbit : Orbit, optional
+        Its orbit, where that is known already; see `orbit`.
 
     Notes
     -----
@@ -74,18 +79,19 @@ class Attractor(Shown):
     n_impacts: int = 0
     velocities: tuple[float, ...] = ()
     phases: tuple[float, ...] = ()
-    std: float = float("nan")
-    mean_velocity: float = float("nan")
-    max_velocity: float = float("nan")
-    lyapunov: float = float("nan")
-    dissipation: float = float("nan")
+    std: float = math.nan
+    mean_velocity: float = math.nan
+    max_velocity: float = math.nan
+    lyapunov: float = math.nan
+    dissipation: float = math.nan
     status: Status = Status.OK
-    share: float = float("nan")
+    share: float = math.nan
     start: State = field(default_factory=lambda: State(0.0))
     transient_impacts: int = 0
     transient_velocity: float = 0.0
     stops: tuple[str, ...] = ()
-    orbit: SystemOrbit | None = field(default=None, repr=False, compare=False)
+    model: Model | None = field(default=None, repr=False, compare=False)
+    known_orbit: Orbit | None = field(default=None, repr=False, compare=False)
 
     @property
     def motion(self) -> Motion:
@@ -97,6 +103,28 @@ class Attractor(Shown):
         """The motion in two or three words."""
         return self.motion.name
 
+    @cached_property
+    def orbit(self) -> Orbit | None:
+        """The periodic orbit that it is: the cycle solved for, with multipliers; None where `n_periods` is 0.
+
+        None also for a cycle of more than 1000 impacts, or one at a graze, where the equations do not determine it. It
+        is solved for when it is first used; `find_orbit(model, near=attractor)` says why there is none.
+
+        Examples
+        --------
+        >>> import vibroimpact as vi
+        >>> (attractor,) = vi.attractors(vi.ImpactOscillator(omega=2.0))
+        >>> attractor.orbit.name, round(attractor.orbit.spectral_radius, 6)
+        ('period-1 impact-1', 0.787766)
+        """
+        if self.model is None or not self.n_periods:
+            return None
+        found = [self.known_orbit] if self.known_orbit else find_orbit(self.model, near=self.start)
+        same = (
+            orbit for orbit in found if orbit.stable and orbit.n_periods == self.n_periods and _hits_as(orbit, self)
+        )
+        return next((replace(orbit, family=family_of(self.model)) for orbit in same), None)
+
     def _table(self) -> Table:
         facts = {
             "share of the initial conditions [%]": 100.0 * self.share,
@@ -107,6 +135,13 @@ class Attractor(Shown):
             "energy lost per driving period [J]": self.dissipation,
         }
         return Table(self.name, ("", ""), [fact for fact in facts.items() if not math.isnan(fact[1])])
+
+
+def _hits_as(orbit: Orbit, attractor: Attractor) -> bool:
+    """Return whether an orbit is an attractor's cycle; of a chatter, whose weakest impacts count, by its hardest."""
+    if orbit.sticks:
+        return math.isclose(max(orbit.velocities, default=0.0), attractor.max_velocity, rel_tol=SAME)
+    return same_orbit(orbit, attractor, tolerance=SAME)
 
 
 def distinct_names(attractors: Sequence[Attractor]) -> list[str]:
@@ -141,7 +176,8 @@ def attractor_of(settled: Settled, at: int, motion: SettledMotion) -> Attractor:
         status=one.status,
         start=motion.start,
         stops=names if n else (),
-        orbit=motion.orbit,
+        model=settled.osc,
+        known_orbit=motion.orbit,
     )
 
 
@@ -153,7 +189,7 @@ def quiet_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
         start = State(osc.gap) if stays else osc.steady_state
     else:
         start = resting(runner, settled, at) if stays else steady_state(osc)
-    return Attractor(kind=one.kind, status=one.status, start=start)
+    return Attractor(kind=one.kind, status=one.status, start=start, model=osc)
 
 
 def resting(runner: Runner, settled: Settled, at: int) -> State:

@@ -14,11 +14,12 @@ from numpy.typing import ArrayLike
 from vibroimpact.backends import Cells, ImpactWindow, OfOneMass, StroboscopicWindow, check_takes
 from vibroimpact.cells import Floats
 from vibroimpact.coexistence.attractor import Attractor, Basin, distinct_names, match
+from vibroimpact.coexistence.labelled import STATISTICS, attractor_variables
 from vibroimpact.coexistence.losses import Design
 from vibroimpact.coexistence.measuring import Measured, Runner, carried, orbit_cells, spread_cells, state_cells
 from vibroimpact.coexistence.planes import Plane, plane_of
 from vibroimpact.coexistence.settling import Settled, last_round, outlook_from, outlook_of, rounds, settle
-from vibroimpact.dataset import dataset_of, flags, plain_variable, provenance, status_variable, variable
+from vibroimpact.dataset import dataset_of, flags, provenance, status_variable
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State, check_model
 from vibroimpact.model.system import ImpactSystem
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 
 SAMPLING = Sampling(transient_impacts=100, sample_impacts=500)  # of the first round
 POINTS = 256  # of an attractor, at most, that are returned to be marked in a portrait
-_STATISTICS = ("std", "mean_velocity", "max_velocity", "lyapunov", "n_periods", "n_impacts", "dissipation")
 
 
 def attractors(
@@ -129,7 +129,8 @@ def attractors(
     """
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     check_model(osc)
-    return attractors_by(Runner(backend, tolerances, workers), osc.at(), starts, sampling, progress)
+    found = attractors_by(Runner(backend, tolerances, workers), osc.at(), starts, sampling, progress)
+    return [replace(attractor, model=osc) for attractor in found]
 
 
 def check_taken(model: Any, runner: Runner) -> None:
@@ -179,7 +180,7 @@ def from_rest(runner: Runner, system: ImpactSystem) -> tuple[Attractor | None, M
         return None, replace(measured, kind=kind.word, n_periods=0, n_impacts=0, indices=indices)
     attractor = reached[0].attractor
     n, p, phases = attractor.n_periods, attractor.n_impacts, np.array(attractor.phases)
-    indices |= {name: float(getattr(attractor, name)) for name in _STATISTICS}
+    indices |= {name: float(getattr(attractor, name)) for name in STATISTICS}
     if phases.size:
         rate = len(phases) / n
         indices["impacts_per_period"], indices["lyapunov_per_impact"] = rate, attractor.lyapunov * system.period / rate
@@ -293,7 +294,9 @@ def basins(
         ),
         "status": status_variable(dims, settled.status.reshape(shape)),
     }
-    result = labelled.assign(over_grid | _table(reached) | _points(runner, plane, reached))
+    result = labelled.assign(
+        over_grid | attractor_variables([basin.attractor for basin in reached]) | _points(runner, plane, reached)
+    )
     return result.assign_attrs(steps_computed=int(settled.indices["steps"].sum()))
 
 
@@ -329,26 +332,6 @@ def _matched(
     reached = match(runner, settled, windows[-1], counted)
     report(settled, int(np.count_nonzero(settled.kind == MotionClass.UNDECIDED)))
     return settled, reached
-
-
-def _table(basins: Sequence[Basin]) -> dict[str, xr.Variable]:
-    """Return the properties of each attractor."""
-    rows = [basin.attractor for basin in basins]
-    share = {"long_name": "share of the initial conditions", "units": "1", "symbol": "share"}
-    return {
-        "attractor_id": plain_variable(
-            "attractor_id", np.arange(len(rows), dtype=np.int16), {"long_name": "attractor"}
-        ),
-        "share": plain_variable("attractor_id", np.array([row.share for row in rows], float), share),
-        **{
-            name: variable(
-                name,
-                "attractor_id",
-                np.array([getattr(row, name) for row in rows], np.int32 if name.startswith("n_") else np.float64),
-            )
-            for name in _STATISTICS
-        },
-    }
 
 
 def _points(runner: Runner, plane: Plane, basins: Sequence[Basin]) -> dict[str, xr.Variable]:

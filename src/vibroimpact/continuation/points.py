@@ -68,7 +68,8 @@ class Solution:
     @property
     def touch_phase(self) -> float:
         """Driving phase of the graze; NaN for other kinds."""
-        return self.equations.touch(self.x) % 1.0
+        phase = self.equations.touch(self.x) % 1.0
+        return math.nan if math.isnan(phase) else phase  # one object: points with equal content are equal
 
     @property
     def touched(self) -> str:

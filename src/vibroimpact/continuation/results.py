@@ -14,13 +14,13 @@ from vibroimpact.dataset import (
     bifurcation_name,
     dataset_of,
     flags,
-    impact_speed,
     label,
     plain_variable,
     provenance,
     variable,
 )
 from vibroimpact.model import Model
+from vibroimpact.orbits.labelled import number, orbit_variables
 from vibroimpact.orbits.orbit import SPLIT
 from vibroimpact.parameters import ENERGY, counted, parameter_of
 from vibroimpact.showing import Shown, Table
@@ -88,7 +88,7 @@ class BifurcationPoint:
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, repr=False)
 class Branch(Shown):
     """The orbits of one (n, p) type along a parameter, in the order of the curve.
 
@@ -163,7 +163,7 @@ class Branch(Shown):
         return _along(self, content, {self.parameter: self.values}, "continue_orbit", {"parameter": self.parameter})
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, repr=False)
 class Boundary(Shown):
     """The curve of a bifurcation in two parameters.
 
@@ -260,18 +260,6 @@ def course(what: str, orbits: Sequence[Any], names: Sequence[str], ends: tuple[s
     return f"from {first}, {ENDS[ends[0]]}, to {last}, {ENDS[ends[1]]}"
 
 
-def orbit_variables(orbits: Sequence[Any], p: int, dim: str) -> dict[str, xr.Variable]:
-    """Return velocities, phases, stability and admissibility of orbits as variables."""
-    return {
-        "velocity": impact_speed((dim, "impact"), _rows([orbit.velocities for orbit in orbits], p)),
-        "phase": variable("phase", (dim, "impact"), _rows([orbit.phases for orbit in orbits], p)),
-        "stable": flags(dim, [orbit.stable for orbit in orbits], "whether the orbit is stable", ("unstable", "stable")),
-        "admissible": flags(
-            dim, [q.admissible for q in orbits], "whether the orbit is admissible", ("inadmissible", "admissible")
-        ),
-    }
-
-
 def _with_unit(model: Model, name: str) -> str:
     """Return a parameter with its unit."""
     unit = parameter_of(model, name).unit
@@ -283,20 +271,7 @@ def axis(model: Model, name: str, dims: Any, values: Any) -> xr.Variable:
     return plain_variable(dims, np.asarray(values, dtype=np.float64), label(parameter_of(model, name)))
 
 
-def number(dims: Any, data: Any, long_name: str) -> xr.Variable:
-    """Return plain numbers, labelled."""
-    return plain_variable(dims, np.asarray(data, dtype=np.float64), {"long_name": long_name, "units": "1"})
-
-
 def kind_variable(dims: Any, kinds: Any) -> xr.Variable:
     """Return kinds of special points as flags."""
     codes = KINDS.index(kinds) if isinstance(kinds, str) else [KINDS.index(kind) for kind in kinds]
     return flags(dims, codes, "kind of boundary", KINDS)
-
-
-def _rows(rows: Sequence[Sequence[float]], width: int) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return rows of one width, padded with NaN."""
-    table = np.full((len(rows), width), np.nan)
-    for i, row in enumerate(rows):
-        table[i, : len(row)] = row
-    return table

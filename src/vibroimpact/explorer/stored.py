@@ -19,7 +19,7 @@ from vibroimpact.explorer.plane import Plane, Stored, positions
 from vibroimpact.explorer.state import SAMPLES, View, table, values_of
 from vibroimpact.families import ready_made
 from vibroimpact.figures import MOTION
-from vibroimpact.files import load
+from vibroimpact.files import load_dataset
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model
 from vibroimpact.motion.classes import NEEDED, classify
@@ -104,7 +104,7 @@ def _read(path: str | os.PathLike[str]) -> xr.Dataset:
             pass  # a result that was saved in one piece
         else:
             return store.dataset()
-    return load(path)
+    return load_dataset(path)
 
 
 def _model_of(

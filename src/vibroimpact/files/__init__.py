@@ -9,6 +9,7 @@ import shutil
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any
@@ -25,18 +26,20 @@ if TYPE_CHECKING:
 
 DATA_ENDINGS = tuple(WRITERS)
 MOVES = 1000  # attempts to replace an output that other processes keep replacing
+RECORD = "object"  # the variable of a dataset that holds an orbit, a branch or an attractor as such
+RECORDS = "vibroimpact.records"  # the module that makes it, which imports this one
 PART, ASIDE = ".part", ".old"  # endings of outputs that are being written, and that are being replaced
 
 
-def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+def save(dataset: Any, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
     """Write a result in the format that the ending names, completely or not at all.
 
     It is written under a temporary name in the same folder; a previous output is replaced only once it is complete.
 
     Parameters
     ----------
-    dataset : xarray.Dataset
-        The result of any function of this package.
+    dataset : xarray.Dataset, Orbit, Branch, Boundary, Attractor or list
+        The result of any function of this package; a list of orbits or of attractors.
     path : path
         `.zarr`: Zarr format 3, opens with ``xarray.open_zarr(path, consolidated=False)``;
         `.nc`: NetCDF-4; `.csv`: long form, see Notes; `.mat`: MATLAB 5, one array per variable.
@@ -51,7 +54,7 @@ def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
     Raises
     ------
     ValueError
-        The ending is not one of the four, or `dataset` is not a Dataset.
+        The ending is not one of the four, or `dataset` is nothing that can be saved.
     OSError
         The output exists and `overwrite` is false, or it cannot be written (folder, permissions, full disk).
 
@@ -62,6 +65,9 @@ def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
     that do not nest, a first column `record` names the dimensions of each row, such as `time` or `point x impact`;
     variables over fewer of them are repeated. Padding is left out; statuses, kinds and other codes are written as
     words.
+
+    Of an orbit, branch, boundary or attractor, `.zarr` and `.nc` hold the labelled dataset and, as JSON in the variable
+    `object`, the same with its model, which `load` returns, equal to the bit.
 
     Examples
     --------
@@ -76,11 +82,10 @@ def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
     import xarray as xr
 
     if not isinstance(dataset, xr.Dataset):
-        raise ValueError(
-            f"`dataset` must be an xarray.Dataset, as functions of this package return, got {type(dataset).__name__}; "
-            "for a branch or a boundary, save its .dataset"
-        )
+        dataset = import_module(RECORDS).labelled(dataset)
     target = check_output(path, overwrite=overwrite)
+    if target.suffix.lower() not in _OPEN:  # an export
+        dataset = dataset.drop_vars(RECORD, errors="ignore")
     with replacing(target, overwrite=overwrite) as part:
         WRITERS[target.suffix.lower()](dataset, part)
     if target.suffix.lower() == ".csv":
@@ -89,7 +94,7 @@ def save(dataset: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool =
     return target
 
 
-def load(path: str | os.PathLike[str]) -> xr.Dataset:
+def load(path: str | os.PathLike[str]) -> Any:
     """Read a result that `save` wrote as `.zarr` or `.nc`.
 
     Parameters
@@ -99,9 +104,9 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
 
     Returns
     -------
-    xarray.Dataset
-        The result, in memory, with its labels, its provenance and the order of its variables; if the file does not
-        record their order, they are sorted by name.
+    xarray.Dataset, Orbit, Orbits, Branch, Boundary, Attractor or list
+        What was saved: a dataset, in memory, with labels, provenance and the order of its variables (sorted by name if
+        the file has none); or an orbit, a branch or an attractor, with its model, equal to the bit.
 
     Raises
     ------
@@ -114,8 +119,7 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     Notes
     -----
     A `.zarr` folder from an unknown source is safe to load: only regular files inside it are read, and only values of
-    the size and the packing that `save` and stores use. A `.nc` file is read by HDF5, which unpacks whatever it holds:
-    load only files that you trust.
+    the size and packing that `save` and stores use. HDF5 unpacks whatever a `.nc` file holds: load only trusted ones.
 
     Examples
     --------
@@ -123,20 +127,33 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     Traceback (most recent call last):
     ValueError: `path` must be a .zarr folder or a .nc file, got 'map.csv'; .csv and .mat are exports only
     """
+    dataset = _loaded(source := _path("path", path))
+    if RECORD not in dataset:
+        return dataset
+    with _explained(source):
+        return import_module(RECORDS).restored(dataset)
+
+
+def load_dataset(path: str | os.PathLike[str]) -> xr.Dataset:
+    """Return a result as `load` does, always as a dataset."""
+    return _loaded(_path("path", path)).drop_vars(RECORD, errors="ignore")
+
+
+def _loaded(source: Path) -> xr.Dataset:
+    """Return the dataset in a file or a store."""
     import xarray as xr
 
     from vibroimpact.files.guard import GuardedStore, netcdf_size
 
-    source = _path("path", path)
     ending = source.suffix.lower()
     if ending not in _OPEN:
-        raise invalid("path", str(path), "a .zarr folder or a .nc file", ".csv and .mat are exports only")
+        raise invalid("path", str(source), "a .zarr folder or a .nc file", ".csv and .mat are exports only")
     if not source.exists():
-        raise FileNotFoundError(f"`path` {str(path)!r} does not exist; {aside_hint(source) or 'check the spelling'}")
-    place: Any = GuardedStore(source) if ending == ".zarr" else source
+        raise FileNotFoundError(f"`path` {str(source)!r} does not exist; {aside_hint(source) or 'check the spelling'}")
     with _explained(source):
+        place: Any = GuardedStore(source) if ending == ".zarr" else source
         size = netcdf_size(source) if place is source else place.size()
-    check_fits("path", f"{str(path)!r} has values that take", size, "xarray.open_zarr(path) reads a store in parts")
+    check_fits("path", f"{str(source)!r} has values that take", size, "xarray.open_zarr(path) reads a store in parts")
     with _explained(source), xr.open_dataset(place, **_OPEN[ending]) as stored:
         loaded = _restored(stored.load())
         if place is not source:

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from vibroimpact.by_value import ByValue
-from vibroimpact.cells import Floats
+from vibroimpact.cells import NOWHERE, Floats
 from vibroimpact.matrices import ROUNDING, matrices, nearest, table_of_modes
 from vibroimpact.model import State, check_names
 from vibroimpact.model.elements import NUMBERS
@@ -384,10 +384,11 @@ class ImpactSystem(ByValue):
         beyond = -self.clearances(q, start.time)
         reach = np.array([stop.reach for stop in self.stops])
         size = np.abs(self._directions) @ np.abs(q) + reach * (1.0 + abs(start.time) * self.omega)
+        most = n * ROUNDING * size + NOWHERE * self.velocity_scale / self.omega
         violations = [
             f"{name!r} by {depth:.3g} m"
-            for name, depth, most, bars in zip(self.stop_names, beyond, n * ROUNDING * size, self._bars, strict=True)
-            if bars and depth > most
+            for name, depth, least, bars in zip(self.stop_names, beyond, most, self._bars, strict=True)
+            if bars and depth > least
         ]
         if where := " and ".join(violations):
             raise ValueError(f"`{argument}` lies beyond {where} at time {start.time:g}; start in front of them")

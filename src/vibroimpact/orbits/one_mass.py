@@ -14,7 +14,7 @@ import numpy as np
 
 from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
 from vibroimpact.backends.scalar import outlast
-from vibroimpact.model import Model
+from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.orbits import newton
 from vibroimpact.orbits.admissibility import contacts
@@ -28,7 +28,7 @@ from vibroimpact.parameters import invalid, real_number
 def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[Orbit]:
     """Return the period-n impact-p orbits of one mass: with one impact, sticking, or others from a guess."""
     osc: ImpactOscillator = model.at()
-    cycle, impact = Cycle(n_periods, n_impacts), _impact(osc, guess)
+    cycle, impact = Cycle(n_periods, n_impacts), impact_of(osc, guess)
     if cycle.n_impacts == -1:
         from vibroimpact.orbits.sticking import find_sticking_orbit, why_none  # slower to import
 
@@ -41,14 +41,14 @@ def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[O
         return ordered(make_orbit(model, cycle, z) for z in solutions)
     orbit = guess.orbit
     if orbit is not None and orbit.oscillator.forgets and (orbit.n_periods, orbit.n_impacts) == astuple(cycle):
-        return _from(model, cycle, solution_of(orbit)[1])
+        return from_guess(model, cycle, solution_of(orbit)[1])
     if impact is None:
         return _anywhere(model, cycle)
     (chain,) = followed(osc, cycle, *np.array(impact)[:, None])
     if chain is None:
         few = f"fewer than {cycle.n_impacts} impacts follow from there; start where the mass hits more often"
         return Orbits(outcome="not_converged", message=few)
-    return _from(model, cycle, as_cycle(chain))
+    return from_guess(model, cycle, as_cycle(chain))
 
 
 def solve(osc: ImpactOscillator, cycle: Cycle, start: Floats) -> Solved:
@@ -64,7 +64,7 @@ def stable_orbits(osc: ImpactOscillator, n_periods: int) -> list[Orbit]:
     return sorted((make_orbit(osc, cycle, z) for z in stable), key=lambda orbit: -max(orbit.velocities))
 
 
-def _impact(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:
+def impact_of(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:
     """Return phase and velocity of the impact given as an initial guess, or None."""
     orbit, state, near = guess.orbit, guess.state, guess.near
     if guess.none or (orbit is not None and not orbit.velocities):
@@ -72,13 +72,13 @@ def _impact(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:
     if orbit is not None:
         return orbit.phases[0], orbit.velocities[0]
     if state is not None:
-        if state.displacement != osc.gap:
-            raise invalid("near", state, f"a state at an impact, with displacement = gap = {osc.gap!r}")
+        if state.displacement != osc.gap or state.velocity <= 0.0:
+            return _first_impact(osc, state)
         phase, velocity = state.time / osc.period, state.velocity
     elif isinstance(near, (tuple, list)) and len(near) == 2:
         phase, velocity = real_number("near", near[0]), near[1]
     else:
-        what = "an Orbit, a State at the stop, or (phase, velocity)"
+        what = "an orbit, an attractor, a State, a section, or (phase, velocity)"
         raise invalid("near", near, what, "for example near=(0.25, 1.4)")
     allowed = "an impact of velocity > 0"
     speed = real_number("near", velocity, allowed)
@@ -87,7 +87,22 @@ def _impact(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:
     return phase, speed
 
 
-def _from(model: Model, cycle: Cycle, start: Floats) -> Orbits[Orbit]:
+def state_of(osc: ImpactOscillator, guess: Guess) -> State:
+    """Return the state at the impact given as an initial guess."""
+    impact = impact_of(osc, guess)
+    assert impact is not None  # only where nothing was given, or an orbit without impacts
+    return State(osc.gap, impact[1], impact[0] % 1.0 * osc.period)
+
+
+def _first_impact(osc: ImpactOscillator, state: State) -> tuple[float, float]:
+    """Return phase and velocity of the first impact after a state in front of the stop."""
+    (samples,) = get_backend("cpu").samples(osc.cells({}, state), Measurement(ImpactWindow(0, 1)))
+    if not len(samples.impact_phase):
+        raise invalid("near", state, "a state from which the mass hits the stop")
+    return float(samples.impact_phase[0]), float(samples.impact_velocity[0])
+
+
+def from_guess(model: Model, cycle: Cycle, start: Floats) -> Orbits[Orbit]:
     """Return the orbit that Newton's method reaches."""
     solved = solve(model.at(), cycle, start)
     if solved.singular or not solved.converged:

@@ -6,15 +6,17 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from importlib import import_module
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from vibroimpact.model import Model, State, check_names
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING, objection
-from vibroimpact.orbits.equations import SAME, TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
+from vibroimpact.orbits.equations import SAME, TURN, Cycle, Floats, fastest_of, parameters_of
 from vibroimpact.parameters import Parameter, invalid
 from vibroimpact.showing import MOST, Shown, Table
 
@@ -93,6 +95,28 @@ class Orbit(Shown):
     def stops(self) -> tuple[str, ...]:
         """Names of the stops struck, in the order of time."""
         return tuple(stop.name for stop in self.oscillator.stops) * len(self.velocities)
+
+    @property
+    def system(self) -> ImpactSystem:
+        """The system that has this orbit; one mass as a system."""
+        system: ImpactSystem = self.oscillator.system if self.oscillator.forgets else self.oscillator
+        return system
+
+    @cached_property
+    def turns(self) -> tuple[float, ...]:
+        """Times of the impacts in driving periods, the first in [0, 1)."""
+        self.check_flies()
+        return tuple(solution_of(self)[1][: len(self.phases)].tolist())
+
+    @property
+    def events(self) -> tuple[tuple[float, str, str], ...]:
+        """Times in driving periods, kinds and stops of all events in a cycle."""
+        return tuple((turn, "impact", stop) for turn, stop in zip(self.turns, self.stops, strict=True))
+
+    @property
+    def pushing(self) -> tuple[str, ...]:
+        """Stops that push just before the first impact."""
+        return ()
 
     @cached_property
     def start(self) -> State:
@@ -203,10 +227,7 @@ class Orbit(Shown):
     def motion(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return displacements, velocities and accelerations at times in s, each of shape (times, coordinates).
 
-        Raises
-        ------
-        ValueError
-            The orbit rests at a stop.
+        At the instant of an impact they are those after it. Rests at a stop are followed by the engine.
 
         Examples
         --------
@@ -216,22 +237,13 @@ class Orbit(Shown):
         >>> [round(float(y), 6) for y in displacement[:, 0]]
         [-5.605775, -5.605775]
         """
-        self.check_flies()
-        cycle, z = solution_of(self)
-        parameters, osc, turns = parameters_of(self.oscillator), self.oscillator, z[: cycle.n_impacts]
-        flight, kinematics = flight_of(parameters), np.empty((3, np.size(times), 1))
-        for row, turn in enumerate(turns[0] + (np.ravel(times) / osc.period - turns[0]) % self.n_periods):
-            i = int(np.searchsorted(turns, turn, side="right")) - 1
-            angle, leaving, _ = cycle.takeoff(parameters, z, i)
-            gap, rate = flight.after(angle, leaving, float(turn - turns[i]) * osc.period)
-            kinematics[:, row, 0] = osc.gap - gap, -rate, -flight.bend(TURN * float(turn), gap, rate)
-        return kinematics[0], kinematics[1], kinematics[2]
+        home: Any = import_module("vibroimpact.orbits.systems.motion")  # which imports this one
+        return home.motion_of(self, times)  # type: ignore[no-any-return]
 
     def check_flies(self) -> None:
         """Raise `ValueError` if an orbit rests at a stop: its motion does not follow from its impacts alone."""
         if self.sticks:
-            hint = "follow it with simulate(orbit.model, orbit.start)"
-            raise ValueError(f"the {self.name} orbit rests at a stop; {hint}")
+            raise ValueError(f"the {self.name} orbit rests at a stop; its events do not determine its motion")
 
 
 def family_of(model: Model) -> Model | None:

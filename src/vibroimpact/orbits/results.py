@@ -25,8 +25,9 @@ class Orbits(list[Kind], Generic[Kind]):
     outcome : str
         "found"; "inadmissible" (there are solutions, but each penetrates the stop); "none" (none exists, or no initial
         guess converged to one); "other_name" (the guess converged to an orbit of fewer periods and impacts);
-        "not_converged"; "singular" (it converged to a fold or a graze, where the equations do not determine an isolated
-        orbit).
+        "not_converged"; "not_periodic" (the motion from `near` does not repeat: the list holds an orbit that it passes
+        by, if one was found); "singular" (it converged to a fold or a graze, where the equations do not determine an
+        isolated orbit).
     message : str
         The outcome as a sentence.
     """

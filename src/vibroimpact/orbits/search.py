@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from vibroimpact.model import Model, check_model
 from vibroimpact.orbits import one_mass
-from vibroimpact.orbits.results import IMPACTS, Guess, Orbits, numbers_of
+from vibroimpact.orbits.near import orbit_near, state_of
+from vibroimpact.orbits.orbit import family_of, orbit_distance
+from vibroimpact.orbits.results import IMPACTS, Guess, Orbits, numbers_of, ordered
 from vibroimpact.parameters import invalid, truth, whole_number
 
 
 def find_orbit(
     osc: Model,
     *,
-    n_periods: int = 1,
+    n_periods: int | None = None,
     n_impacts: int | None = None,
     stops: str | Sequence[str] | None = None,
     symmetric: bool = False,
@@ -34,8 +38,8 @@ def find_orbit(
     ----------
     osc : ImpactOscillator, ImpactSystem or family
         The model whose orbits are sought; a family is taken at its own values.
-    n_periods : int, >= 1
-        Driving periods in a cycle, n.
+    n_periods : int, >= 1, optional
+        Driving periods in a cycle, n; 1 unless given.
     n_impacts : int, >= 1 or -1, optional
         Impacts in a cycle, p, on any stops; -1 for a sticking orbit, with a complete chatter. The default is 1, or
         follows from `stops` or `symmetric` if given.
@@ -45,12 +49,13 @@ def find_orbit(
     symmetric : bool
         Search for motions that are their own mirror image, q -> -q, half a cycle later (n odd). Without `stops`, those
         that strike one stop of each mirrored pair in half a cycle, or the stops of `near`.
-    near : Orbit, Attractor, State or sequence of float, optional
-        Initial guess: an orbit or an attractor of this or another model, a state at the stop, or phase in [0, 1) and
-        velocity > 0 (m/s) of an impact. None tries the attractor reached from rest and a grid over the impact surface.
-        Not used for one impact on a rigid stop: all solutions are known in closed form. For systems: an orbit, an
-        attractor, any state near one, or, with `stops`, the times of the impacts in s; None tries symmetric orbits (two
-        impacts) and the motion from rest.
+    near : Orbit, Attractor, State, Dataset or sequence of float, optional
+        With `near` alone, the orbit near a motion, whatever its type: that of the attractor, that on which the state
+        lies, or that to which the motion from it settles; for an orbit, those of its type. A result of `simulate` or of
+        a section stands for its last state; a pair of phase in [0, 1) and velocity > 0 (m/s) for an impact of one mass.
+        With a type, an initial guess: one of these, also of another model, or, with `stops`, the times of the impacts
+        in s. None tries the motion from rest and, for one mass, a grid over the impact surface, for systems symmetric
+        orbits (two impacts). With one impact on a rigid stop, no guess is used: all solutions are known in closed form.
     energy : float, > 0, optional
         Energy in J of a periodic motion without load and loss. Its period is then sought, too: the orbit is the one of
         the family that is born from a linear mode (a nonlinear normal mode). Nothing else but `mode` may be given.
@@ -64,7 +69,8 @@ def find_orbit(
         `SystemOrbit`, each beginning with an impact on the first of `stops`. It has an `outcome` and a `message`. With
         one impact, or with `near`, it includes inadmissible orbits (they penetrate the stop); their `message` gives the
         reason, and they are never `stable`. Otherwise it holds only admissible ones. Without `stops`, `message` joins
-        the reasons of all stops for which no orbit was found.
+        the reasons of all stops for which no orbit was found. With `near` alone, it holds one admissible orbit or none,
+        and `message` says whether the motion settles to it, or only passes by (`outcome` "not_periodic").
 
     Raises
     ------
@@ -95,6 +101,12 @@ def find_orbit(
     undamped stop, a contact can last for many of its periods; `message` gives the durations that were not searched. A
     search takes 20 to 100 ms. For several impacts, times are a good guess only if each contact lasts about half a
     period of a mass on the stop's spring; a state is a better guess.
+
+    With `near` alone, the motion is followed until its cycle is certain, for 32,767 impacts at most, and the cycle is
+    solved for. If the state is not on that cycle, Newton's method also starts from the first returns of up to 64
+    impacts; an orbit within 0.05 (`orbit_distance`), stable or not, is preferred to the one where the motion settles.
+    For motions that do not repeat, the closest returns of up to 8 impacts are tried: the orbit found is near, but
+    another one may be nearer.
 
     With `energy`, the family of a mode is followed from its first contact, where the mode touches a stop, through its
     folds (pseudo-arclength), until it has that energy [4]_ [5]_. Above the energy of the first contact the list holds
@@ -128,6 +140,10 @@ def find_orbit(
     ('period-1 impact-1', True, 6.226413)
     >>> find_orbit(ImpactOscillator(omega=2.0), n_periods=1, n_impacts=2).message
     'no initial guess converged to a period-1 impact-2 orbit'
+    >>> from vibroimpact import State
+    >>> found = find_orbit(ImpactOscillator(omega=0.9), near=State(-0.5))
+    >>> found[0].name, found.message.startswith("the motion from `near` settles to this period-1 impact-2 orbit")
+    ('period-1 impact-2', True)
     >>> from vibroimpact import Force, ImpactSystem, Stop
     >>> stops = [Stop(direction=d, gap=0.5, restitution=0.6, name=name) for d, name in ((1, "above"), (-1, "below"))]
     >>> system = ImpactSystem(
@@ -147,7 +163,7 @@ def find_orbit(
     check_model(osc)
     design = osc.at()
     if energy is not None:
-        if (n_periods, n_impacts, stops, symmetric, near) != (1, None, None, False, None):
+        if (n_periods, n_impacts, stops, symmetric, near) != (None, None, None, False, None):
             raise ValueError("give either `energy` (and `mode`) or the impacts of the orbit, not both")
         from vibroimpact.orbits.systems.nonlinear_modes import find_of_energy
 
@@ -156,15 +172,23 @@ def find_orbit(
         raise invalid(
             "mode", mode, "omitted without `energy`", "it is the mode from which orbits of an energy are born"
         )
-    n = whole_number("n_periods", n_periods, 1)
+    guess = Guess.of(state_of(near, design))
+    if guess.only_state:
+        design.initial(guess.state, "near")  # refused if it does not fit, or lies beyond a stop
+    typed = truth("symmetric", symmetric) or any(given is not None for given in (n_periods, n_impacts, stops))
+    if not (guess.none or typed):
+        if guess.orbit is not None:
+            return _of_its_type(osc, guess)
+        if guess.state is not None or design.forgets:
+            return orbit_near(osc, guess.state or one_mass.state_of(design, guess))
+    n = whole_number("n_periods", 1 if n_periods is None else n_periods, 1)
     p = whole_number("n_impacts", 1 if n_impacts is None else n_impacts, -1, IMPACTS)
     if p == 0:
         raise invalid("n_impacts", n_impacts, "a whole number >= 1, or -1 for a complete chatter")
-    if truth("symmetric", symmetric) and n % 2 == 0:
+    if symmetric and n % 2 == 0:
         raise invalid("n_periods", n, "odd for symmetric motions", "after whole periods the force is not mirrored")
     if n_impacts is not None and (symmetric or stops is not None):
         raise invalid("n_impacts", n_impacts, "omitted if `stops` or `symmetric` is given", "they determine it")
-    guess = Guess.of(near)
     struck = None if stops is None else numbers_of(stops, tuple(stop.name for stop in design.stops))
     if design.forgets:
         if symmetric:
@@ -177,6 +201,16 @@ def find_orbit(
     if symmetric or struck is not None:
         return systems.striking(osc, n, struck, guess, symmetric=symmetric)
     return systems.find(osc, n, p, guess)
+
+
+def _of_its_type(model: Model, guess: Guess) -> Orbits[Any]:
+    """Return the orbits of the type of a given one; the nearest only, if it was given as an attractor."""
+    orbit, attractor = guess.orbit, guess.orbit is not guess.near
+    if attractor and orbit.oscillator == model.at():
+        return ordered([replace(orbit, family=family_of(model))])
+    n_impacts = -1 if guess.sticks else orbit.n_impacts
+    found = find_orbit(model, n_periods=orbit.n_periods, n_impacts=n_impacts, near=orbit)
+    return ordered(sorted(found, key=partial(orbit_distance, orbit))[:1]) if attractor and found else found
 
 
 def stable_orbits(model: Model, n_periods: int) -> list[Any]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from vibroimpact.dataset import bifurcation_name, model_of, unbundle
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
-from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along
+from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along, motion_name
 from vibroimpact.motion.recognition import recognise, recurrence
 from vibroimpact.parameters import counted, hertz, times
 from vibroimpact.report.quantities import axis_range, initial_condition, quantity, spaced, span
@@ -258,19 +258,29 @@ def _basins(dataset: xr.Dataset) -> Iterator[str]:
     axes = [str(dim) for dim in field.dims]
     shape = " x ".join(str(dataset.sizes[axis]) for axis in axes)
     yield f"{shape} initial conditions: " + "; ".join(axis_range(dataset, axis) for axis in axes)
-    names = [spaced(name) for name in _meanings(field)[1:]]
-    for name, at in zip(names, range(dataset.sizes["attractor_id"]), strict=True):
-        attractor = dataset.isel(attractor_id=at)
-        hardest, exponent = float(attractor["max_velocity"]), float(attractor["lyapunov"])
-        hits = f", hardest hit {hardest:.4g} m/s" if math.isfinite(hardest) else ""
-        rate = f", largest exponent {exponent:.4g} 1/s" if math.isfinite(exponent) else ""
-        yield f"  {100 * float(attractor['share']):.3g} % {name}{hits}{rate}"
+    yield from _each_attractor(dataset, [spaced(name) for name in _meanings(field)[1:]])
     undecided = field.values < 0
     for code, count in zip(*np.unique(dataset["status"].values[undecided], return_counts=True), strict=True):
         status = Status(int(code))
         unfinished = status in (Status.BUDGET, Status.INTERRUPTED)
         reason = status.sentence if unfinished else "neither a cycle nor certain chaos; raise `sample_impacts`"
         yield f"  {100 * count / field.size:.3g} % undecided: {reason}"
+
+
+def _attractors(dataset: xr.Dataset) -> Iterator[str]:
+    count = dataset.sizes["attractor_id"]
+    yield f"{counted(count, 'attractor')}, with shares of the initial conditions:"
+    columns = (dataset[name].values.tolist() for name in ("kind", "n_periods", "n_impacts"))
+    yield from _each_attractor(dataset, [motion_name(*row) for row in zip(*columns, strict=True)])
+
+
+def _each_attractor(dataset: xr.Dataset, names: list[str]) -> Iterator[str]:
+    for name, at in zip(names, range(dataset.sizes["attractor_id"]), strict=True):
+        attractor = dataset.isel(attractor_id=at)
+        hardest, exponent = float(attractor["max_velocity"]), float(attractor["lyapunov"])
+        hits = f", hardest hit {hardest:.4g} m/s" if math.isfinite(hardest) else ""
+        rate = f", largest exponent {exponent:.4g} 1/s" if math.isfinite(exponent) else ""
+        yield f"  {100 * float(attractor['share']):.3g} % {name}{hits}{rate}"
 
 
 def _comparison(dataset: xr.Dataset) -> Iterator[str]:
@@ -294,6 +304,7 @@ _SUMMARIES: dict[str, Callable[[xr.Dataset], Iterator[str]]] = {
     "bifurcation_diagram": diagram_sentences,
     "parameter_map": map_sentences,
     "classify": map_sentences,
+    "attractors": _attractors,
     "find_orbit": _orbits,
     "continue_orbit": _branches,
     "response_curve": _response,

@@ -113,7 +113,7 @@ def _by_states(model: Model, runner: Runner) -> Present:
     if attractor is None:
         motion = Motion(measured.kind, status=measured.status)
         return Present(model, system, final, motion, None, system.rest)
-    orbit = attractor.orbit and replace(attractor.orbit, family=family_of(model))
+    orbit = attractor.known_orbit and replace(attractor.known_orbit, family=family_of(model))
     return Present(model, system, final, attractor.motion, orbit, attractor.start, attractor=attractor)
 
 

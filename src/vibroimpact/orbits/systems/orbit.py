@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from vibroimpact.cells import Floats
 from vibroimpact.model import Model, State
@@ -87,12 +86,6 @@ class SystemOrbit(Orbit):
     neutral: tuple[complex, ...] = ()
 
     @property
-    def system(self) -> ImpactSystem:
-        """The system that has this orbit."""
-        system: ImpactSystem = self.oscillator
-        return system
-
-    @property
     def twin(self) -> SystemOrbit:
         """The mirror image half a driving period later, which is also an orbit of the system if that is symmetric.
 
@@ -167,40 +160,6 @@ class SystemOrbit(Orbit):
         shrinks = (element.rebound(v) * element.sensitivity(v) for element, v in struck)  # by 1 on a compliant stop
         return float(math.prod(shrinks, start=math.exp(-lost)))
 
-    def motion(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Return displacements, velocities and accelerations at times in s, each of shape (times, coordinates).
-
-        Raises
-        ------
-        ValueError
-            The orbit rests at a stop.
-
-        Examples
-        --------
-        The rms acceleration over a cycle of a mass with a spring behind its gap:
-
-        >>> import vibroimpact as vi
-        >>> stop = vi.Stop(direction=1, gap=0.2, stiffness=100.0, damping=1.0)
-        >>> force = vi.Force(omega=2.0, harmonics={1: 1.0})
-        >>> system = vi.ImpactSystem(mass=1.0, damping=0.05, stiffness=1.0, force=force, stops=[stop])
-        >>> (orbit,) = (orbit for orbit in vi.find_orbit(system) if orbit.stable)
-        >>> _, _, acceleration = orbit.motion(np.linspace(0.0, orbit.period, 4000, endpoint=False))
-        >>> round(float(np.sqrt(np.mean(acceleration**2))), 2)
-        2.54
-        """
-        cycle, unknown = cycle_of(self)
-        flow, ends = cycle.flow, cycle.angles(unknown)
-        angles = np.ravel(times) * self.system.omega
-        kinematics = np.empty((3, len(angles), flow.n))
-        for row, angle in enumerate(unknown[0] + (angles - unknown[0]) % cycle.length):
-            i = min(int(np.searchsorted(ends, angle, side="right")) - 1, len(cycle.events) - 1)
-            leg = cycle.leg(unknown, i)
-            x = flow.fly(leg.start[: 2 * flow.n], ends[i], angle, leg.pushing)
-            rate = flow.rate(x, flow.drive(angle), leg.pushing)
-            kinematics[:2, row] = (flow.physical @ x).reshape(2, flow.n)
-            kinematics[2, row] = flow.omega * (flow.physical @ rate)[flow.n :]
-        return kinematics[0], kinematics[1], kinematics[2]
-
 
 def at_rest(rests: Sequence[Rest], n_periods: int, period: float) -> tuple[float, float, float]:
     """Return the phases at which the first rest in a cycle begins and ends, and the total time at rest in s."""
@@ -211,7 +170,7 @@ def at_rest(rests: Sequence[Rest], n_periods: int, period: float) -> tuple[float
     return begin % 1.0, release, sum(rest.end - rest.begin for rest in rests) * period
 
 
-def cycle_of(orbit: SystemOrbit) -> tuple[Cycle, Floats]:
+def cycle_of(orbit: Any) -> tuple[Cycle, Floats]:
     """Return the whole cycle of an orbit, and its unknown.
 
     Raises

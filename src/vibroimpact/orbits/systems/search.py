@@ -53,7 +53,7 @@ def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[S
         return _with_near(striking(model, n_periods), model, n_periods, guess)
     if guess.none:
         return _anywhere(model, n_periods, n_impacts)
-    return _from_near(model, n_periods, n_impacts, guess)
+    return from_near(model, n_periods, n_impacts, guess)
 
 
 def striking(
@@ -129,7 +129,7 @@ def _anywhere(model: Model, n_periods: int, n_impacts: int) -> Orbits[SystemOrbi
     return Orbits(outcome="none", message=f"the motion from rest {tried}; give `near`")
 
 
-def _from_near(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[SystemOrbit]:
+def from_near(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[SystemOrbit]:
     """Return the orbit that Newton's method reaches from another orbit, or from the motion that begins in a state."""
     if guess.stops:
         return striking(model, n_periods, guess=guess)
@@ -147,7 +147,7 @@ def _with_near(orbits: Orbits[SystemOrbit], model: Model, n_periods: int, guess:
     compliant = any(stop.compliant for stop in model.at().stops)
     if guess.none or guess.sticks or not compliant:
         return orbits
-    more = [one for one in _from_near(model, n_periods, 1, guess) if not any(same_orbit(one, each) for each in orbits)]
+    more = [one for one in from_near(model, n_periods, 1, guess) if not any(same_orbit(one, each) for each in orbits)]
     return ordered([*orbits, *more]) if more else orbits
 
 

@@ -35,6 +35,7 @@ from vibroimpact.orbits.systems.orbit import SystemOrbit, at_rest
 from vibroimpact.parameters import invalid
 
 RETURNS = 100  # most driving periods of a cycle that is recognised in the motion from rest
+LATER = 0.381966  # driving periods after which a state at an event is, as a rule, at none
 SETTLING = 1000  # transient driving periods from rest before the guess for Newton's method
 
 
@@ -71,6 +72,7 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOr
         if guess.sticks:  # at the same phase, at which there are no events
             state = replace(state, time=state.time * system.period / guess.orbit.oscillator.period)
         else:
+            state = _later(system, state)
             state = _quiet_state(_follow(system, state, n_periods), carrier, state, system.period, n_periods)
         solved, derivative = _solve(carrier, state, system.period, n_periods)
     except ValueError as error:  # beyond a stop, or the motion cannot be followed
@@ -101,6 +103,15 @@ def _settled(system: ImpactSystem, looks: int = 1) -> Any:
     if len(samples.look_phase) < looks:
         raise ValueError("the motion from rest could not be followed; give `near`")
     return samples
+
+
+def _later(system: ImpactSystem, state: State) -> State:
+    """Return the state somewhat later: one at an event belongs neither before nor after it."""
+    window = StroboscopicWindow(0, 1, (state.time / system.period + LATER) % 1.0)
+    (samples,) = get_backend("cpu").samples(system.cells({}, state), Measurement(window))
+    if not len(samples.look_phase):
+        raise ValueError("the motion from `near` could not be followed")
+    return State(samples.look_displacement[0], samples.look_velocity[0], samples.look_phase[0] * system.period)
 
 
 def periods_from_rest(system: ImpactSystem, longest: int) -> int:

@@ -1,0 +1,171 @@
+"""From a motion to its orbit: attractors, states and sections lead to the orbit that they are on."""
+
+import re
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from systems import a_random_machine, on_springs, sticking, two_sided
+from vibroimpact.orbits import orbit_distance
+
+CHAOS = vi.ImpactOscillator(omega=2.8)
+RESTING = vi.ImpactOscillator(omega=0.1)
+
+
+def a_random_oscillator(rng):
+    """Return one mass before a rigid stop, which loses from all to none of its speed."""
+    return vi.ImpactOscillator(
+        omega=rng.uniform(0.3, 4.0),
+        restitution=rng.choice([0.0, rng.uniform(0.1, 0.95)], p=[0.1, 0.9]),
+        gap=rng.uniform(-0.5, 1.0),
+        damping=rng.uniform(0.0, 0.2),
+    )
+
+
+def periodic_motions(make, seed):
+    """Return a random design, its attractors that repeat, and what else they need."""
+    rng = np.random.default_rng(seed)
+    model = make(rng)
+    return model, [found for found in vi.attractors(model, workers=1) if found.n_periods], rng
+
+
+RANDOM = [
+    pytest.param(make, seed, id=f"{make.__name__}-{seed}")
+    for make, seeds in ((a_random_oscillator, range(8)), (on_springs, range(6)), (a_random_machine, range(3, 7)))
+    for seed in seeds
+]
+
+
+@pytest.mark.long(but=3)
+@pytest.mark.parametrize(("make", "seed"), RANDOM[::6] + RANDOM)
+def test_an_attractor_that_repeats_is_a_stable_orbit_which_its_states_lead_to_and_simulate_follows(make, seed):
+    model, repeating, rng = periodic_motions(make, seed)
+    for attractor in repeating:
+        orbit = attractor.orbit
+        assert (orbit.n_periods, orbit.model, orbit.stable) == (attractor.n_periods, model, True)
+        assert orbit.admissible, orbit.message
+        assert max(orbit.velocities) == pytest.approx(attractor.max_velocity, rel=1e-9)
+        assert vi.find_orbit(model, near=attractor) == [orbit]
+        near = [attractor.start]
+        if not orbit.sticks:
+            assert sorted(orbit.velocities) == pytest.approx(sorted(attractor.velocities), rel=1e-9)
+            time = rng.uniform(0.0, orbit.period)
+            place, speed, _ = orbit.motion([time])
+            at = (place[0], speed[0]) if np.ndim(orbit.start.displacement) else (float(place[0, 0]), float(speed[0, 0]))
+            near.append(vi.State(*at, time))
+        followed = vi.simulate(model, start=orbit.start, periods=orbit.n_periods, samples_per_period=40)
+        place, _, _ = orbit.motion(followed["time"])
+        size = max(np.abs(place).max(), orbit.oscillator.velocity_scale / orbit.oscillator.omega)
+        assert followed["displacement"].values.reshape(place.shape) == pytest.approx(place, abs=1e-7 * size)
+        for state in near:
+            (found,) = vi.find_orbit(model, near=state)
+            assert found.stable
+            assert orbit_distance(found, orbit) < 1e-7
+
+
+def test_what_does_not_repeat_has_no_orbit_and_find_orbit_says_why():
+    (chaos,) = vi.attractors(CHAOS)
+    assert chaos.orbit is None
+    orbits = vi.find_orbit(CHAOS, near=chaos)
+    assert orbits.outcome == "not_periodic"
+    assert "is chaotic, the impacts do not repeat; this unstable period-" in orbits.message
+    (quiet,) = vi.attractors(vi.ImpactOscillator(gap=10.0))
+    assert quiet.orbit is None
+    orbits = vi.find_orbit(quiet.model, near=quiet)
+    assert (list(orbits), orbits.outcome) == ([], "none")
+    assert "ends without impacts: no impact: the mass never reaches the stop" in orbits.message
+    assert vi.attractors(RESTING)[0].orbit.sticks
+
+
+@pytest.mark.parametrize("model", [vi.ImpactOscillator(omega=0.9), two_sided().replace(below_gap=0.3), RESTING])
+def test_a_section_or_a_simulation_of_a_settled_motion_leads_to_its_orbit(model):
+    (orbit,) = vi.find_orbit(model, near=model.rest)
+    for motion in (
+        vi.impact_section(model, transient_impacts=3000),
+        vi.stroboscopic_section(model, transient_periods=1000, phase=0.3),
+        vi.simulate(model, periods=2, skip_periods=1000),
+    ):
+        (found,) = vi.find_orbit(model, near=motion)
+        assert found.stable
+        assert orbit_distance(found, orbit) < 1e-7
+    assert vi.find_orbit(model, near=vi.impact_section(model), n_impacts=orbit.n_impacts)[0].name == orbit.name
+
+
+def test_the_orbit_nearest_to_a_chaotic_section_is_one_that_the_motion_passes_by():
+    section = vi.impact_section(CHAOS)
+    (found,) = vi.find_orbit(CHAOS, near=section)
+    assert not found.stable
+    assert found.admissible
+    phases, speeds = section["phase"].values, section["velocity"].values
+    angle = 2.0 * np.pi * (phases - found.phases[0])
+    apart = np.hypot(2.0 * np.sin(angle / 2.0), (speeds - found.velocities[0]) / speeds.max())
+    assert apart.min() < 0.05
+
+
+def test_a_state_on_an_unstable_orbit_leads_to_it_and_not_to_where_the_motion_settles():
+    osc = vi.ImpactOscillator(omega=1.3)
+    for orbit in vi.find_orbit(osc, n_periods=2, n_impacts=3):
+        (found,) = vi.find_orbit(osc, near=orbit.start)
+        assert found.stable == orbit.stable
+        assert orbit_distance(found, orbit) < 1e-9
+    orbits = vi.find_orbit(osc, near=vi.State(-0.5, 0.3))
+    assert "settles to this" in orbits.message
+
+
+def test_a_section_of_another_design_is_a_guess():
+    for model in (vi.ImpactOscillator(omega=0.9), two_sided().replace(below_gap=0.3)):
+        other = model.replace(omega=1.01 * model.omega)
+        (found,) = vi.find_orbit(other, near=vi.impact_section(model, transient_impacts=3000))
+        assert (found.oscillator, found.stable) == (other, True)
+
+
+def test_the_orbit_of_a_familys_attractor_is_followed_along_its_parameters():
+    machine = vi.family(vi.models.bouncing_ball)
+    (attractor,) = (found for found in vi.attractors(machine) if found.kind == "periodic")
+    assert attractor.orbit.model == machine
+    branch = vi.continue_orbit(attractor.orbit, "amplitude", (1.2e-4, 1.4e-4), step=0.2)
+    assert branch.outcome == ("range", "range")
+
+
+def test_what_no_orbit_is_near_to_is_refused_in_a_sentence():
+    osc, pair = vi.ImpactOscillator(omega=0.9), two_sided()
+    refused = [
+        (osc, vi.State((0.1, 0.2)), "`near` must have 1 coordinate, as the mass matrix has, got 2"),
+        (osc, vi.State(0.1), "`near` lies beyond 'stop' by 0.1 m"),
+        (pair, vi.State((0.1, 0.2)), "`near` must have 1 coordinate, as the mass matrix has, got 2"),
+        (osc, vi.parameter_map(osc, omega=[1.0, 1.1], sample_impacts=5), "got a Dataset of parameter_map"),
+        (osc, vi.impact_section(osc).drop_attrs(), "got another Dataset"),
+        (osc, vi.impact_section(osc.replace(gap=9.0)), "a motion that strikes a stop, got a result of impact_section"),
+        (
+            osc,
+            vi.impact_section(vi.models.cantilever_with_stop()),
+            "must be a motion with 1 coordinate, got one with 3",
+        ),
+        (osc, "there", "got 'there'"),
+        (pair, "there", "got 'there'"),
+    ]
+    for model, near, words in refused:
+        with pytest.raises(ValueError, match=re.escape(words)):
+            vi.find_orbit(model, near=near)
+
+
+@pytest.mark.parametrize("model", [RESTING, RESTING.system, sticking()], ids=["one mass", "its system", "two masses"])
+def test_accelerations_of_an_orbit_that_rests_are_the_slopes_of_its_velocities(model):
+    (orbit,) = vi.find_orbit(model, near=model.rest)
+    rests = [(rest.begin, rest.end) for rest in orbit.rests]
+    turns = np.arange(200) / 200 * orbit.n_periods
+    hits = np.array([*orbit.phases, *np.ravel(rests)])[:, None]
+    turns = turns[np.abs((turns - hits + 0.5) % 1.0 - 0.5).min(axis=0) > 1e-4]
+    step = 1e-5 * orbit.oscillator.period
+    times = turns * orbit.oscillator.period
+    _, before, _ = orbit.motion(times - step)
+    _, after, _ = orbit.motion(times + step)
+    _, _, acceleration = orbit.motion(times)
+    slope = (after - before) / (2.0 * step)
+    assert acceleration == pytest.approx(slope, abs=1e-6 * np.abs(slope).max())
+    begin, end = rests[0]
+    inside = (turns - begin) % orbit.n_periods < end - begin
+    assert inside.any()
+    if np.size(model.rest.displacement) == 1:
+        assert np.abs(acceleration[inside]).max() < 1e-12
