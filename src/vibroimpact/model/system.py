@@ -161,7 +161,7 @@ class ImpactSystem(NamedPoints, ByValue):
         Divide shapes of another normalisation by the square roots of their modal masses first. With rigid stops,
         results do not converge as modes are added: the struck mass 1/(a . M^-1 a) decreases with each mode. For a
         moving base, a row of `shapes` may hold the participation factors -sum(m phi): the force at that point is then
-        the base's acceleration.
+        the base's acceleration, and `at_point` returns no displacement there.
 
         Examples
         --------

@@ -120,7 +120,7 @@ def fe_beam(
     [48.1, 301.3, 844.4, 1659.2, 2758.0]
     >>> motion = beam.at_point("tip", vi.simulate(beam, periods=20))
     >>> print(f"{1e3 * float(motion['displacement'].max()):.1f} mm")
-    6.1 mm
+    2.7 mm
     """
     return _system(BEAM, locals())
 
