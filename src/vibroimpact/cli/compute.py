@@ -84,7 +84,7 @@ def diagram(options: Options) -> None:
     if len(study.axes) != 1:
         got = " and ".join(study.axes) or "none"
         raise WrongRequest(f"a diagram needs exactly one axis, got {got}; for example --x omega=0.025:5:200")
-    output.check(options, "bifurcation_diagram", study.settings.get("indices", ()), 1)
+    output.check(options, "bifurcation_diagram", _computed(study), 1)
     from vibroimpact.execution.threads import GRACE
 
     _sweep(
@@ -124,7 +124,7 @@ def parameter_map(options: Options) -> None:
     stored = files.is_store(options)
     resumed = stored and files.store_exists(options)
     if not resumed:
-        output.check(options, "parameter_map", study.settings.get("indices", ("std",)), len(study.axes))
+        output.check(options, "parameter_map", _computed(study, ("std",)), len(study.axes))
     more = options.given("tile", "refine", "cluster")
     if stored:
         _into_store(study, options, more, resumed=resumed)
@@ -141,11 +141,19 @@ def _with_index(options: Options) -> Study:
     study, index = study_of(options), options["index"]
     from vibroimpact.indices import check_indices
 
-    computed = study.settings.get("indices", ())
+    computed = _computed(study)
     if index is None or index in computed:
         return study
     with refusing():
         return replace(study, settings={**study.settings, "indices": check_indices([*computed, index])})
+
+
+def _computed(study: Study, usual: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """Return the names of the indices that a study computes."""
+    from vibroimpact.indices import ALL, check_indices
+
+    chosen = study.settings.get("indices", usual)
+    return check_indices(chosen) if chosen == ALL else tuple(chosen)
 
 
 @with_options(

@@ -174,7 +174,8 @@ def _branches(dataset: xr.Dataset) -> Iterator[str]:
         head = f"branch {at} of {len(branches)}, " if len(branches) > 1 else ""
         yield f"{head}{motion_along(branch)}: {counted(branch.sizes['point'], 'orbit')}, {branch.attrs['message']}"
         intervals = [f"{low:.6g} to {high:.6g}" for low, high in _stable_intervals(branch, parameter)]
-        yield f"  stable for {parameter} {listed(intervals)}" if intervals else "  nowhere stable"
+        units = quantity(0.0, branch[parameter].attrs["units"]).removeprefix("0")
+        yield f"  stable for {parameter} {listed(intervals)}{units}" if intervals else "  nowhere stable"
         kinds = _meanings(branch["special_kind"])
         for i in range(branch.sizes["special"]):
             point = branch.isel(special=i)
