@@ -100,6 +100,7 @@ def commands() -> Any:
     import typer
     from typer.main import get_command
 
+    from vibroimpact.cli.attractors import attractors
     from vibroimpact.cli.compute import basins, compare, describe, diagram, parameter_map, section, simulate
     from vibroimpact.cli.files import explore, info, plot, reproduce, warm_up
     from vibroimpact.cli.models import models
@@ -146,7 +147,13 @@ def commands() -> Any:
 
     panels: dict[str, dict[str, Any]] = {
         "Motions and sweeps": {"simulate": simulate, "section": section, "diagram": diagram, "map": parameter_map},
-        "Orbits and boundaries": {"orbit": orbit, "continue": follow, "boundary": boundary, "basins": basins},
+        "Orbits and boundaries": {
+            "orbit": orbit,
+            "continue": follow,
+            "boundary": boundary,
+            "attractors": attractors,
+            "basins": basins,
+        },
         "Verdicts": {"describe": describe, "compare": compare},
         "Machines": {"models": models},
         "Explorer": {"explore": explore},
