@@ -57,7 +57,7 @@ def bifurcation_diagram(
     coordinate: int = 0,
     tolerances: Tolerances | None = None,
     workers: int | None = None,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
     **axis: ArrayLike,
 ) -> xr.Dataset:
     """Return the points of a section over one parameter (the paper's bifurcation diagrams).
@@ -88,7 +88,8 @@ def bifurcation_diagram(
         For systems, the coordinate to return (section "stroboscopic"); 0 is the first.
     workers : int, optional
         Threads for direction "fresh"; None means one per core. The other directions use one thread.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a bar; a callable gets (values done, values in all, Dataset so far) and stops the sweep by returning
         False.
     **axis : sequence of numbers

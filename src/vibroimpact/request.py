@@ -125,7 +125,9 @@ class Request:
         """Return the labelled axes of a result."""
         labels = {name: label(self.model.parameters[name]) for name in self.axes}
         dims = dict.fromkeys(self.axes, "point") if self.scattered else {name: name for name in self.axes}
-        variables = {name: plain_variable(dims[name], values, labels[name]) for name, values in self.axes.items()}
+        whole = {name for name in self.axes if self.model.parameters[name].whole}
+        columns = {name: values.astype(np.int64) if name in whole else values for name, values in self.axes.items()}
+        variables = {name: plain_variable(dims[name], values, labels[name]) for name, values in columns.items()}
         if self.n_starts:
             attrs = {"long_name": "number of the initial condition", "units": "1", "symbol": "start"}
             variables["start"] = plain_variable("start", np.arange(self.n_starts), attrs)

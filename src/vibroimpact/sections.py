@@ -18,6 +18,7 @@ from vibroimpact.labels import in_seconds, labelled_impacts, trajectory_of
 from vibroimpact.model import Model, State, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import STEPS, check_fits, counted, invalid, phase_number, positive_number, whole_number
+from vibroimpact.progress import reporter
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -52,7 +53,8 @@ class _Orbit:
         cells = self.model.cells({}, one_start(self.start))
         check_takes(self.engine, design)
         self._check_cost(window)
-        (samples,) = self.engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
+        with reporter(None, "motion"):
+            (samples,) = self.engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
         return samples
 
     def _check_cost(self, window: ImpactWindow | StroboscopicWindow) -> None:

@@ -49,7 +49,7 @@ def parameter_map(
     cluster: Client | str | None = None,
     refine: int | None = None,
     jump: float | None = None,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
     **axes: ArrayLike,
 ) -> xr.Dataset:
     r"""Return indices of the impacts over a grid of one, two or more parameters (the paper's stability maps).
@@ -109,7 +109,8 @@ def parameter_map(
         themselves. The result does not depend on them.
     refine, jump : int and float, optional
         As in `refined_map`.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a bar. A callable gets (cells done, cells in all, Dataset so far) and stops the sweep by returning
         False; the Dataset so far is then returned, with unfinished cells `interrupted`.
     **axes : sequences of numbers
@@ -197,7 +198,7 @@ def parameter_map(
 
 
 def _in_memory(
-    request: Request, cluster: Client | str | None, workers: int | None, size: int, progress: bool | Report
+    request: Request, cluster: Client | str | None, workers: int | None, size: int, progress: bool | Report | None
 ) -> xr.Dataset:
     dataset, flat = _empty_map(request)
     done, stop = 0, Stop(progress)

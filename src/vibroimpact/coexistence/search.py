@@ -46,7 +46,7 @@ def attractors(
     backend: str = "cpu",
     tolerances: Tolerances | None = None,
     workers: int | None = None,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
 ) -> list[Attractor]:
     r"""Return the attractors that initial conditions lead to: the motions that coexist.
 
@@ -72,7 +72,8 @@ def attractors(
         Numerical tolerances.
     workers : int, optional
         Threads; None is one per core. The result does not depend on it.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a bar; a callable gets (initial conditions decided, their total number, their `status` so far) and
         stops by returning False: what those decided by then lead to is returned.
 
@@ -144,7 +145,7 @@ def attractors_by(
     osc: Design,
     starts: Iterable[State] | None = None,
     sampling: Sampling = SAMPLING,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
 ) -> list[Attractor]:
     """Return the attractors of a model as `attractors` does, by a runner that may know fates already."""
     check_taken(osc, runner)
@@ -195,7 +196,7 @@ def basins(
     backend: str = "cpu",
     tolerances: Tolerances | None = None,
     workers: int | None = None,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
     **axes: ArrayLike,
 ) -> xr.Dataset:
     r"""Return which attractor each initial condition of a grid leads to, and the attractors' properties.
@@ -216,7 +217,8 @@ def basins(
         named. Displacement and velocity are those nearest to `start`, in the mass metric, that strike it so.
     transient_impacts, sample_impacts, backend, tolerances, workers
         As of `attractors`.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a bar; a callable gets (initial conditions decided, their total number, Dataset with their `status`)
         and stops by returning False: what was found so far is returned, the unfinished `interrupted`.
     **axes : sequences of numbers

@@ -170,7 +170,7 @@ def describe(
     units: Mapping[str, str] | None = None,
     tolerances: Tolerances | None = None,
     workers: int | None = None,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
 ) -> Verdict:
     """Describe what a design does, how far it is from doing something else, and which changes soften its impacts.
 
@@ -192,7 +192,8 @@ def describe(
         Numerical tolerances.
     workers : int, optional
         Threads; None is one per core. The verdict does not depend on it.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a bar; a callable gets (parts done, parts in all, None) and stops by returning False: the verdict
         then holds what was found until then.
 
