@@ -3,6 +3,7 @@
 import math
 import re
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy.linalg import eigvalsh
@@ -324,3 +325,56 @@ def test_a_point_that_is_not_there_is_refused():
         vi.ImpactSystem(mass=1.0, stiffness=1.0, points=["tip"])
     with pytest.raises(ValueError, match=r"`points\['tip'\]` must have 2 numbers, one per coordinate, got 1"):
         vi.ImpactSystem(mass=np.eye(2), stiffness=np.eye(2), points={"tip": [1.0]})
+
+
+BEAM = """
+import vibroimpact as vi
+
+beam = vi.models.fe_beam(
+    length=1.0, elements=3, supports={0.0: "clamp"}, rigidity=1.0, mass_per_length=1.0, damping_ratios=0.02,
+    points={"tip": 1.0, "mid": 0.5}, force=vi.Force(omega=3.0, harmonics={1: {"tip": 1.0}}),
+    stops=[vi.Stop(direction={"tip": 1.0}, gap=0.05, restitution=0.5, name="bumper")],
+)
+"""
+
+
+@pytest.fixture
+def beam(tmp_path):
+    (tmp_path / "mine.py").write_text(BEAM)
+    names = {}
+    exec(BEAM, names)
+    return names["beam"]
+
+
+def test_figures_draw_the_motion_at_a_point_with_the_stops_that_act_there(beam):
+    motion = vi.simulate(beam, periods=3)
+    assert motion.sizes["impact"] > 0
+    for point, walls in (("tip", ["bumper"]), ("mid", [])):
+        there = beam.at_point(point, motion)
+        ax = vi.plotting.time_history(there)
+        assert f"displacement of {point}" in ax.get_ylabel()
+        legend = " ".join(text.get_text() for text in ax.figure.legends[0].get_texts()) if ax.figure.legends else ""
+        texts = legend + " ".join(text.get_text() for text in ax.texts)
+        assert ("bumper" in texts) == bool(walls)
+        assert vi.plotting.phase_portrait(there).lines
+        plt.close("all")
+    looks = beam.at_point("mid", vi.stroboscopic_section(beam, transient_periods=5, sample_periods=3))
+    assert "displacement of mid" in vi.plotting.stroboscopic_map(looks).get_xlabel()
+    plt.close("all")
+    with pytest.raises(ValueError, match="the motion is that of point 'tip'; leave out `coordinate` and `stop`"):
+        vi.plotting.time_history(beam.at_point("tip", motion), coordinate=1)
+    with pytest.raises(ValueError, match="`motion` must have coordinates; take the result of simulate"):
+        beam.at_point("tip", vi.impact_section(beam, sample_impacts=3))
+
+
+def test_the_command_line_gives_the_motion_at_a_point(beam, run, refused, tmp_path):
+    tip = beam.at_point("tip", vi.simulate(beam, periods=3))["displacement"]
+    _, lines, _ = run("simulate --model mine.py:beam --periods 3 --point tip")
+    assert f"displacement {float(tip.min()):.4g} to {float(tip.max()):.4g} m" in lines
+    assert run("simulate --model mine.py:beam --periods 3 --point tip --out tip.nc")[0] == 0
+    saved = vi.load(tmp_path / "tip.nc")
+    assert np.array_equal(saved["displacement"].values, tip.values)
+    assert run("plot tip.nc --out tip.png")[0] == 0
+    assert "unknown `point` 'top'; choose from tip, mid" in refused("simulate --model mine.py:beam --point top")
+    assert "`--point` needs a motion" in refused("section --model mine.py:beam --point tip")
+    assert "the system has no named points" in refused("simulate -p w=2 --point tip")

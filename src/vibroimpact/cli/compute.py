@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 INITIAL_CONDITIONS = 200  # along an axis of basins that is not given
 
 
-@with_options(o.MODEL, o.START, o.DURATION, o.ENGINE, o.FILM_OUT, o.FIGURE, o.SHOWN, o.PICTURE)
+@with_options(o.MODEL, o.START, o.DURATION, o.ENGINE, o.FILM_OUT, o.FIGURE, o.POINT, o.SHOWN, o.PICTURE)
 def simulate(options: Options) -> None:
     """Compute the motion in time from its initial conditions.
 
@@ -42,7 +42,9 @@ def simulate(options: Options) -> None:
         typer.echo(f"settles to: {motion_of(_call('impact_section', study))}")
 
 
-@with_options(o.MODEL, o.START, o.SECTION_KIND, o.IMPACTS, o.PERIODS, o.ENGINE, o.OUT, o.FIGURE, o.SHOWN, o.PICTURE)
+@with_options(
+    o.MODEL, o.START, o.SECTION_KIND, o.IMPACTS, o.PERIODS, o.ENGINE, o.OUT, o.FIGURE, o.POINT, o.SHOWN, o.PICTURE
+)
 def section(options: Options) -> None:
     """Impact map or Poincare map of the settled motion, and the name of that motion.
 
@@ -60,9 +62,17 @@ def _motion(function: str, study: Study, options: Options) -> None:
     for shown in ("coordinate", "stop"):
         if options[shown] is not None and not output.is_figure(options["out"]):
             raise WrongRequest(f"`--{shown}` needs a figure; add for example --out figure.png")
-    began = clock()
+    began, design, point = clock(), study.model.at(), options["point"]
+    with refusing():
+        if point is not None and function == "impact_section":
+            raise WrongRequest("`--point` needs a motion; add --kind stroboscopic, or use `vibroimpact simulate`")
+        system = getattr(design, "system", design)
+        if point is not None:
+            system.row_of(point)
     with refusing(), before_compiling(study.announce):
         dataset = _call(function, study)
+        if point is not None:
+            dataset = system.at_point(point, dataset)
     output.hand_on(dataset, options, clock() - began)
 
 

@@ -364,6 +364,7 @@ FIGURE_KIND = _output(
     f"{', '.join(figures.KINDS)}. (default: what suits the result)",
     flags=("--kind",),
 )  # fmt: skip
+POINT = _output("point", "NAME", "For systems with named points: the point whose motion is the result.", read=str)
 SHOWN = (
     _output("coordinate", "N", "For systems: the coordinate that a figure of one motion shows.", default=0),
     _output(

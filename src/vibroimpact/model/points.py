@@ -81,6 +81,13 @@ class NamedPoints:
 
     points: Mapping[str, Any]
 
+    def row_of(self, point: str) -> NDArray[np.float64]:
+        """Return the row of a named point over the coordinates."""
+        if not self.points:
+            raise ValueError(f"unknown point {point!r}; the system has no named points, give it `points`")
+        row: NDArray[np.float64] = self.points[choice("point", point, self.points)]
+        return row
+
     def at_point(self, point: str, motion: Any) -> Any:
         r"""Return a motion at a named point, from its motion in coordinates.
 
@@ -95,7 +102,8 @@ class NamedPoints:
         Returns
         -------
         Dataset, DataArray or array
-            The same without coordinates: `displacement` in m and `velocity` in m/s are those of the point.
+            The same without coordinates: `displacement` in m and `velocity` in m/s are those of the point. Figures of
+            motions draw a Dataset with the stops that act on the point alone.
 
         Raises
         ------
@@ -114,12 +122,14 @@ class NamedPoints:
         >>> motion["displacement"].dims, f"{float(motion['displacement'].max()):.6f} m"
         (('time',), '0.001000 m')
         """
-        if not self.points:
-            raise ValueError(f"unknown point {point!r}; the system has no named points, give it `points`")
-        row = self.points[choice("point", point, self.points)]
+        row = self.row_of(point)
         if hasattr(motion, "data_vars"):
             tables = [name for name, table in motion.data_vars.items() if "coordinate" in table.dims]
-            return motion.assign({name: self.at_point(point, motion[name]) for name in tables})
+            if not tables:
+                raise ValueError("`motion` must have coordinates; take the result of simulate or stroboscopic_section")
+            return motion.assign({name: self.at_point(point, motion[name]) for name in tables}).assign_attrs(
+                point=point
+            )
         if hasattr(motion, "dims"):
             along = motion.get_axis_num("coordinate")
             alone = motion.isel(coordinate=0, drop=True)
