@@ -62,16 +62,17 @@ def _motion(function: str, study: Study, options: Options) -> None:
     for shown in ("coordinate", "stop"):
         if options[shown] is not None and not output.is_figure(options["out"]):
             raise WrongRequest(f"`--{shown}` needs a figure; add for example --out figure.png")
-    began, design, point = clock(), study.model.at(), options["point"]
+    began, point, system = clock(), options["point"], None
+    if point is not None and function == "impact_section":
+        raise WrongRequest("`--point` needs a motion; add --kind stroboscopic, or use `vibroimpact simulate`")
     with refusing():
-        if point is not None and function == "impact_section":
-            raise WrongRequest("`--point` needs a motion; add --kind stroboscopic, or use `vibroimpact simulate`")
-        system = getattr(design, "system", design)
         if point is not None:
+            design = study.model.at()
+            system = getattr(design, "system", design)
             system.row_of(point)
     with refusing(), before_compiling(study.announce):
         dataset = _call(function, study)
-        if point is not None:
+        if system is not None:
             dataset = system.at_point(point, dataset)
     output.hand_on(dataset, options, clock() - began)
 

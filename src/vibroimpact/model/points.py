@@ -77,7 +77,7 @@ def resolved(
 
 
 class NamedPoints:
-    """Reads motions of a system at its named points."""
+    """A model that reads its motions at named points: base class of `ImpactSystem`."""
 
     points: Mapping[str, Any]
 
