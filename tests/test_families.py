@@ -175,6 +175,7 @@ def test_counts_stay_whole_numbers_in_results(tmp_path):
         assert result["order"].dtype.kind == "i"
         assert result["order"].values.tolist() == [1, 2, 3]
     assert many.replace(order=3.0).values["order"] == 3
+    assert str(vi.find_orbit(many)[0].value("order")) == "1"
     assert repr(many.replace(order=3.0)) == "many(order=3, omega=2.0)"
     with pytest.raises(ValueError, match="`order` must be a whole number, got 1.5"):
         vi.parameter_map(many, order=[1.0, 1.5], **window)
