@@ -179,3 +179,9 @@ def test_counts_stay_whole_numbers_in_results(tmp_path):
     assert repr(many.replace(order=3.0)) == "many(order=3, omega=2.0)"
     with pytest.raises(ValueError, match="`order` must be a whole number, got 1.5"):
         vi.parameter_map(many, order=[1.0, 1.5], **window)
+
+
+def test_a_map_over_the_number_of_modes_is_refused():
+    beam = vi.family(vi.models.cantilever_with_stop)
+    with pytest.raises(ValueError, match="`osc` must have equal numbers of coordinates and stops at all points"):
+        vi.parameter_map(beam, modes=[1, 2], sample_impacts=5)
