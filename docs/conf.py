@@ -40,6 +40,7 @@ bibtex_default_style = "unsrt"
 nb_execution_mode = "cache"  # `make check` turns it off
 nb_execution_cache_path = str(_RAN)
 nb_execution_raise_on_error = True
+nb_output_stderr = "remove"  # passing lines about what takes longer than a second
 nb_execution_timeout = 300
 numfig = True
 numpydoc_show_class_members = False

@@ -13,8 +13,8 @@ from processes import names, python
 from vibroimpact.dataset import model_of
 
 COMMANDS = (
-    "simulate", "section", "diagram", "map", "orbit", "continue", "boundary", "basins", "describe", "compare", "plot",
-    "models", "reproduce",
+    "simulate", "section", "diagram", "map", "orbit", "continue", "boundary", "attractors", "basins", "describe",
+    "compare", "plot", "models", "reproduce",
 )  # fmt: skip
 
 

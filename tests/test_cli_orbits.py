@@ -380,3 +380,36 @@ def test_an_existing_output_is_refused(run, tmp_path, command):
     code, _, complaints = run(f"{command} --out old.nc")
     assert (code, (tmp_path / "old.nc").read_text()) == (2, "precious")
     assert "exists" in complaints[0]
+
+
+# Attractors
+
+
+def test_the_motions_that_coexist_are_listed_with_their_shares(run):
+    found = vi.attractors(vi.ImpactOscillator(omega=1.45))
+    _, lines, notes = run("attractors -p frequency=0.2307747Hz")
+    assert lines[0] == "2 attractors found; shares of the initial conditions:"
+    assert [re.match(r"  (\S+) % (\S+ \S+), hardest hit (\S+) m/s", line).groups() for line in lines[1:3]] == [
+        (f"{100 * one.share:.3g}", one.name, f"{one.max_velocity:.4g}") for one in found
+    ]
+    assert "frequency 0.230775 Hz" in "\n".join(notes)
+    assert any("initial conditions" in note and "100 %" in note for note in notes)
+
+
+def test_attractors_as_json_are_those_of_the_function(run):
+    found = vi.attractors(vi.ImpactOscillator(omega=3.0))
+    content = json.loads("\n".join(run("attractors -p omega=3 --json")[1]))
+    assert content["oscillator"]["omega"] == 3.0
+    assert [(row["name"], row["share"]) for row in content["attractors"]] == [(one.name, one.share) for one in found]
+    assert [row["velocities"] for row in content["attractors"]] == [list(one.velocities) for one in found]
+    assert content["attractors"][1]["lyapunov"] == "-inf"  # it sticks
+    start = content["attractors"][0]["start"]
+    assert vi.State(**start) == found[0].start
+    slot = json.loads("\n".join(run("attractors --model two_sided_oscillator --json")[1]))["attractors"]
+    assert slot[0]["stops"] == ["left", "right"]
+    assert "orbit" not in slot[0]
+
+
+def test_attractors_without_a_stop_are_refused(refused, tmp_path):
+    (tmp_path / "free.py").write_text("import vibroimpact as vi\nfree = vi.ImpactSystem(mass=1.0, stiffness=1.0)\n")
+    assert "must have a stop" in refused("attractors --model free.py:free")

@@ -43,6 +43,35 @@ def test_a_value_may_have_a_unit(name, text, value):
 
 
 @pytest.mark.parametrize(
+    ("axis", "words"),
+    [
+        ("gap=1mm:1:5", "`gap` must have a unit at its second end, got 1mm to 1; write 1mm, or 1m"),
+        ("w=1Hz:20:5", "`w` must have a unit at its second end, got 1Hz to 20; write 20Hz, or 20rad/s"),
+    ],
+)
+def test_a_range_with_a_unit_at_its_first_end_alone_is_refused(refused, axis, words):
+    assert words in refused(f"map --x {axis}")
+
+
+def test_zero_needs_no_unit(run):
+    assert "gap -0.001 to 0 m" in "\n".join(run("map --x gap=-1mm:0:2 --sample-impacts 5")[1])
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("map --x omega=2:3:2 --x gap=0:1:2", "`--x` takes one parameter, got omega and gap"),
+        ("diagram --x omega=2:3:2 --x gap=0:1:2", "`--x` takes one parameter, got omega and gap"),
+        ("map --x omega=2:3:2 --y gap=0:1:2 --y m=1:2:2", "`--y` takes one parameter, got gap and m"),
+        ("continue -p w=2.5 --x w=2:3 --x gap=0:1", "`--x` takes one parameter, got w and gap"),
+        ("basins --x phase=0:1:3 --x velocity=0:1:3", "`--x` takes one parameter, got phase and velocity"),
+    ],
+)
+def test_two_parameters_for_one_axis_are_refused(refused, command, words):
+    assert words in refused(command)
+
+
+@pytest.mark.parametrize(
     ("unit", "text", "value"),
     [("1/min", "25 Hz", 1500.0), ("1/min", "1500rpm", 1500.0), ("rpm", "25Hz", 1500.0), ("1/s", "1500 rpm", 25.0),
      ("N/m2", "200GPa", 200e9), ("m/s2", "2 m/s2", 2.0), ("mm", "0.5e-3m", 0.5)],
@@ -185,6 +214,18 @@ def test_axes_are_announced_in_the_unit_that_was_typed(run):
     assert said.endswith("frequency 24 to 30 rpm, gap 0.1 to 0.2 mm")
     assert "damping_ratio 2 %" in said
     assert "omega" not in said
+
+
+def test_a_branch_is_listed_in_the_unit_of_its_range(run, tmp_path):
+    _, lines, _ = run("continue -p omega=0.41Hz --x omega=0.40:0.45Hz --step 0.1")
+    text = "\n".join(lines)
+    assert "from omega = 0.4 Hz, at the end of the range, to omega = 0.45 Hz" in text
+    assert re.search(r"stable for omega 0\.4 to 0\.4223\d* Hz", text)
+    assert re.search(r"period doubling at omega = 0\.4223\d* Hz, hits at 0\.448", text)
+    run(f"continue -p omega=0.41Hz --x omega=0.40:0.45Hz --step 0.1 --out {tmp_path / 'branch.nc'}")
+    saved = vi.load(tmp_path / "branch.nc")["omega"]
+    assert float(saved.max()) == pytest.approx(0.9 * np.pi, rel=1e-12)  # files are in SI units
+    assert saved.attrs["units"] == "rad/s"
 
 
 def test_two_designs_are_compared_in_the_units_of_their_files(run, tmp_path):

@@ -9,6 +9,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -132,6 +133,66 @@ def test_a_passing_line_goes_on_after_whole_lines_and_leaves_alone_what_others_w
         progress.wait_for_others()
         assert pulse.waits_for == ""
     assert stream.getvalue().endswith("\r")
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def said(monkeypatch):
+    """Run a call on a terminal, without patience; return the lines that passed."""
+
+    def of(call, stream=None):
+        monkeypatch.setattr(progress.Pulse, "latest", None)
+        monkeypatch.setattr(progress, "PULSE", 1e-4)
+        monkeypatch.setattr(compiling, "SILENT", 0.0)
+        stream = stream or Terminal()
+        with monkeypatch.context() as within:
+            within.setattr(sys, "stderr", stream)
+            call()
+        return [line for line in stream.getvalue().split("\r") if line.strip()]
+
+    return of
+
+
+OSC, GRID = vi.ImpactOscillator(omega=2.8), {"omega": np.linspace(2.0, 3.0, 40), "early_closing": False}
+LONG = {
+    "cells": lambda **how: vi.parameter_map(OSC, **GRID, **how),
+    "values": lambda **how: vi.bifurcation_diagram(OSC, omega=GRID["omega"], sample_impacts=2000, **how),
+    "initial conditions": lambda **how: vi.attractors(OSC, **how),
+    "orbits": lambda **how: vi.continue_orbit(vi.find_orbit(OSC)[0], "omega", (2.0, 3.0), **how),
+    "parts": lambda **how: vi.describe(OSC, **how),
+}
+
+
+@pytest.mark.parametrize("label", LONG)
+def test_on_a_terminal_a_long_computation_shows_how_far_it_is_unless_it_is_told_not_to(said, label):
+    lines = said(LONG[label])
+    assert lines
+    assert all(line.startswith((label, "compiling", "orbits ... ")) for line in lines)
+    assert any(" % of " in line or line.startswith(f"{label}: ") for line in lines)
+    quiet = said(lambda: LONG[label](progress=False))
+    assert [line for line in quiet if not line.startswith(("compiling", "orbits ... "))] == []
+    assert said(LONG[label], io.StringIO()) == []  # a file
+
+
+def test_a_passing_line_is_gone_at_the_end_and_is_not_shown_within_another_nor_in_threads(said):
+    stream = Terminal()
+    said(lambda: vi.simulate(OSC, periods=200_000, samples_per_period=1), stream)
+    assert "motion ... " in stream.getvalue()
+    assert stream.getvalue().endswith("\r")
+    mine = []
+    assert said(lambda: vi.describe(OSC, progress=lambda *news: mine.append(news))) == []
+    assert mine
+
+    def in_a_thread():
+        thread = threading.Thread(target=LONG["cells"])
+        thread.start()
+        thread.join()
+
+    assert said(in_a_thread) == []
 
 
 COUNT = """

@@ -158,3 +158,30 @@ def mixed(x=1.0):
 def test_what_is_no_family_or_no_table_is_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_counts_stay_whole_numbers_in_results(tmp_path):
+    @vi.family
+    def many(order: int = 1, omega=2.0):
+        return vi.ImpactOscillator(omega=order * omega)
+
+    window = {"sample_impacts": 5, "transient_impacts": 5}
+    for result in (
+        vi.parameter_map(many, order=[1, 2, 3], **window),
+        vi.parameter_map(many, order=[1.0, 2.0, 3.0], **window, store=tmp_path / "map.zarr"),
+        vi.parameter_map(many, points={"order": [1, 2, 3], "omega": [2.0, 2.1, 2.2]}, **window),
+        vi.bifurcation_diagram(many, order=[1, 2, 3], **window),
+    ):
+        assert result["order"].dtype.kind == "i"
+        assert result["order"].values.tolist() == [1, 2, 3]
+    assert many.replace(order=3.0).values["order"] == 3
+    assert str(vi.find_orbit(many)[0].value("order")) == "1"
+    assert repr(many.replace(order=3.0)) == "many(order=3, omega=2.0)"
+    with pytest.raises(ValueError, match="`order` must be a whole number, got 1.5"):
+        vi.parameter_map(many, order=[1.0, 1.5], **window)
+
+
+def test_a_map_over_the_number_of_modes_is_refused():
+    beam = vi.family(vi.models.cantilever_with_stop)
+    with pytest.raises(ValueError, match="`osc` must have equal numbers of coordinates and stops at all points"):
+        vi.parameter_map(beam, modes=[1, 2], sample_impacts=5)

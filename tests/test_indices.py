@@ -9,7 +9,8 @@ from scipy.linalg import expm
 
 import vibroimpact as vi
 from designs import orbit_of_one_impact
-from vibroimpact.indices import INDICES, VELOCITY_INDICES
+from vibroimpact.indices import EVERY, INDICES, VELOCITY_INDICES
+from vibroimpact.report import sentences_of
 
 ALL = tuple(INDICES)
 OSC = vi.ImpactOscillator()
@@ -548,3 +549,49 @@ def test_hysteresis_shows_in_the_names_of_up_and_down_sweeps():
         for direction in ("up", "down")
     ]
     assert (names[0] != names[1]).any()
+
+
+@pytest.mark.parametrize(
+    ("model", "axis", "absent"),
+    [
+        (vi.ImpactOscillator(), {"omega": [2.0, 2.5]}, {"mean_force", "max_force", "work_rate", "damper_rate"}),
+        (vi.family(vi.models.bilinear_oscillator), {"frequency": [10.0, 12.0]}, set()),
+        (vi.family(vi.models.two_sided_oscillator), {"frequency": [24.0, 25.0]}, {"max_force"}),
+    ],
+    ids=lambda value: str(value).partition("(")[0],
+)
+def test_all_indices_are_those_of_every_model_and_those_that_it_lacks_are_nan_with_the_reason(
+    model, axis, absent, tmp_path
+):
+    window = {"sample_impacts": 50, "transient_impacts": 50}
+    every = vi.parameter_map(model, **axis, **window, indices="all")
+    assert [name for name in every if name != "status"] == list(EVERY)
+    assert {name for name in EVERY if "no_value" in every[name].attrs} == absent
+    assert all(every[name].isnull().all() for name in absent)
+    assert all(name in every[name].attrs["no_value"] for name in absent)
+    alone = vi.parameter_map(model, **axis, **window, indices=[name for name in EVERY if name not in absent])
+    diagram = vi.bifurcation_diagram(model, **axis, **window, indices="all")
+    stored = vi.parameter_map(model, **axis, **window, indices="all", store=tmp_path / "map.zarr")
+    vi.save(every, tmp_path / "map.nc")
+    for name in EVERY:
+        same = [diagram, stored, vi.load(tmp_path / "map.nc"), *([] if name in absent else [alone])]
+        assert all(np.array_equal(other[name].values, every[name].values, equal_nan=True) for other in same), name
+        assert all(other[name].attrs.get("no_value") == every[name].attrs.get("no_value") for other in same), name
+    lines = [line for line in sentences_of(every) if ": no value; " in line]
+    assert len(lines) == len(absent)
+
+
+def test_all_indices_of_a_back_end_are_those_that_it_computes():
+    window = {"sample_impacts": 5, "transient_impacts": 5, "omega": [2.0]}
+    steps = vi.parameter_map(vi.ImpactOscillator(), indices="all", backend="fixed-step", **window)
+    assert "std" in steps
+    assert "lyapunov" not in steps
+    with pytest.raises(ValueError, match="`backend` 'fixed-step' does not compute the index 'lyapunov', only std"):
+        vi.parameter_map(vi.ImpactOscillator(), indices=["lyapunov"], backend="fixed-step", **window)
+
+
+def test_indices_none_of_which_the_model_has_are_refused():
+    with pytest.raises(ValueError, match="`mean_force` is an index of systems; write the oscillator as"):
+        vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], indices=["mean_force", "max_force"])
+    with pytest.raises(ValueError, match="unknown index 'alle'; choose from std"):
+        vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], indices="alle")

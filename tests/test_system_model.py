@@ -45,7 +45,7 @@ pytestmark = pytest.mark.usefixtures("modal_engine")
         ({"force": vi.Force(omega=1.0, constant=[1, 2, 3])}, r"`constant` must have 2 numbers, .*, got 3"),
         (
             {"force": vi.Force(omega=1.0, constant={"tip": 1})},
-            r"refers to points \(tip\), which only .*from_modes has",
+            r"refers to points \(tip\), but the system has none; give it `points`, or 2 numbers, one per coordinate",
         ),
         ({"force": {"omega": 1.0}}, r"`force` must be a Force"),
         ({"stops": vi.Stop(direction=[0, 1], gap=0.1)}, r"`stops` must be a list of Stops"),

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 
 class ByValue:
-    """A value that is compared, hashed, shown and pickled by the arguments of its constructor."""
+    """A value that is compared, hashed, shown and pickled by the arguments of its constructor.
+
+    Arguments in `labels` name things only, and do not count in comparisons.
+    """
+
+    labels: ClassVar[tuple[str, ...]] = ()
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the constructor by name."""
@@ -20,10 +25,13 @@ class ByValue:
         return {name: _as_json(value) for name, value in self.arguments().items()}
 
     def __eq__(self, other: object) -> bool:
-        return type(self) is type(other) and _hashable(self.arguments()) == _hashable(other.arguments())
+        return type(self) is type(other) and self._compared() == other._compared()
 
     def __hash__(self) -> int:
-        return hash((type(self).__name__, _hashable(self.arguments())))
+        return hash((type(self).__name__, self._compared()))
+
+    def _compared(self) -> Any:
+        return _hashable({name: value for name, value in self.arguments().items() if name not in self.labels})
 
     def __repr__(self) -> str:
         entries = (

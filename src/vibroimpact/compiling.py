@@ -14,7 +14,7 @@ SILENT = 1.0  # s: shorter compilations are not announced
 
 watching: list[Callable[[], None]] = []  # called when a compilation begins, and when it ends
 
-_first: list[Callable[[], None]] = []
+announcing: list[Callable[[], None]] = []  # called before a compilation is announced
 _begun: list[tuple[str, float]] = []
 _spent = 0.0
 
@@ -28,11 +28,11 @@ def before_compiling(announce: Callable[[], None]) -> Iterator[Callable[[], None
         while uncalled:
             uncalled.pop()()
 
-    _first.append(once)
+    announcing.append(once)
     try:
         yield once
     finally:
-        _first.remove(once)
+        announcing.remove(once)
     once()
 
 
@@ -41,7 +41,7 @@ def begin(what: str, seconds: float, kept: str) -> None:
     _begun.append((what, perf_counter()))
     if seconds < SILENT or len(_begun) > 1:
         return
-    for announce in list(_first):
+    for announce in list(announcing):
         announce()
     # `sys.stderr` is looked up now, since a progress bar may have replaced it.
     print(f"compiling {what}: about {seconds:.0f} s, {kept}", file=sys.stderr, flush=True)

@@ -19,12 +19,12 @@ from vibroimpact.backends import (
     Window,
     check_known,
     check_takes,
+    chosen_indices,
     get_backend,
 )
 from vibroimpact.cells import Cells
 from vibroimpact.dataset import dataset_of, flags, impact_speed, missing, status_variable, variable
 from vibroimpact.execution.threads import run_sweep, run_tiles, tiles, worker_count
-from vibroimpact.indices import check_indices
 from vibroimpact.model import Model, State, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import check_fits, check_steps, choice, invalid, phase_number, several, whole_number
@@ -59,7 +59,7 @@ def bifurcation_diagram(
     coordinate: int = 0,
     tolerances: Tolerances | None = None,
     workers: int | None = None,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
     **axis: ArrayLike,
 ) -> xr.Dataset:
     """Return the points of a section over one parameter (the paper's bifurcation diagrams).
@@ -81,7 +81,7 @@ def bifurcation_diagram(
         Impacts to skip, then to keep (section "impact").
     phase, transient_periods, sample_periods
         As in `stroboscopic_section` (section "stroboscopic").
-    indices : names
+    indices : names or "all"
         Indices of `parameter_map` to compute for each value as well, over `transient_impacts` and `sample_impacts` from
         the same initial condition; none by default.
     start : State, optional
@@ -90,7 +90,8 @@ def bifurcation_diagram(
         For systems, the coordinate to return (section "stroboscopic"); 0 is the first.
     workers : int, optional
         Threads for direction "fresh"; None means one per core. The other directions use one thread.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a bar; a callable gets (values done, values in all, Dataset so far) and stops the sweep by returning
         False.
     **axis : sequence of numbers
@@ -139,9 +140,9 @@ def bifurcation_diagram(
     if section == "stroboscopic":
         window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, phase_number("phase", phase))
     threads = worker_count(workers)
-    named = several("indices", indices, "a list of names of indices")
-    chosen = check_indices(named) if named else ()
     engine = get_backend(backend, time_step=time_step)
+    named = indices if isinstance(indices, str) else several("indices", indices, "a list of names of indices")
+    chosen = chosen_indices(named, engine) if named else ()
     check_known(chosen, engine, design)
     check_takes(engine, design)
     if whole_number("coordinate", coordinate, 0) >= design.coordinates:
@@ -182,9 +183,9 @@ def bifurcation_diagram(
                 stop.set()
     if chosen and finished:
         # Every value that has its section gets its indices, even in a stopped diagram: this sweep is not stopped.
-        rows, measured = np.array(finished), replace(measurement, window=impacts)
+        rows, measured = np.array(finished), replace(request.measured, window=impacts)
         for which, result in run_sweep(engine, cells[rows], measured, threads, Event()):
-            for name in chosen:
+            for name in measured.indices:
                 table[name][rows[which]] = result[name]
     return dataset.isel({_along(section): slice(0, max(int(dataset["count"].values.max()), 1))})
 
@@ -240,7 +241,10 @@ def _empty_diagram(request: Request, section: str, keep: int, stops: tuple[str, 
             **points,
             "count": variable("count", name, np.zeros(number, np.int64)),
             "status": status_variable(name, np.full(number, Status.INTERRUPTED)),
-            **{index: variable(index, name, missing(index, number)) for index in request.indices},
+            **{
+                index: variable(index, name, missing(index, number), **request.attrs_of(index))
+                for index in request.indices
+            },
         },
         coords=request.coordinates(),
     )

@@ -56,6 +56,7 @@ FORCES: dict[str, Index] = {
     )
 }
 EVERY = INDICES | FORCES
+ALL = "all"  # in the place of names: all that a back end computes
 
 VELOCITY_INDICES = frozenset(name for name, index in INDICES.items() if index.from_velocities)
 
@@ -73,7 +74,9 @@ def shown_spread(spread: float, scale: float) -> float:
 
 
 def check_indices(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the names of indices as a tuple; raise `ValueError` with all names if one is unknown."""
+    """Return the names of indices as a tuple, "all" as all; raise `ValueError` with all names if one is unknown."""
+    if isinstance(names, str) and names == ALL:
+        return tuple(EVERY)
     chosen = several("indices", names, f"one or more of {', '.join(EVERY)}")
     if not chosen:
         raise invalid("indices", names, f"one or more of {', '.join(EVERY)}", "write for example ('std',)")

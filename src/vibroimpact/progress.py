@@ -30,7 +30,7 @@ class Stop(Event):
     The receiver may have an attribute `stopped`, which is true once the sweep must stop.
     """
 
-    def __init__(self, progress: bool | Report) -> None:
+    def __init__(self, progress: bool | Report | None) -> None:
         super().__init__()
         self._progress = progress
 
@@ -40,11 +40,34 @@ class Stop(Event):
 
 
 @contextmanager
-def reporter(progress: bool | Report, label: str) -> Iterator[Report]:
-    """Yield the function that a sweep calls after every tile: the user's function, a bar, or one that does nothing."""
+def reporter(progress: bool | Report | None, label: str) -> Iterator[Report]:
+    """Yield the function that a sweep calls after every tile: the user's own, a bar, a passing line, or nothing.
+
+    None is the passing line where somebody watches, unless what calls this function reports already.
+    """
+    inside, _depth.value = _depth.value, _depth.value + 1
+    try:
+        with _reporter(progress, label, inside > 0) as report:
+            yield report
+    finally:
+        _depth.value = inside
+
+
+class _Depth(threading.local):
+    value = 0  # of reporters within reporters, in each thread
+
+
+_depth = _Depth()
+
+
+@contextmanager
+def _reporter(progress: bool | Report | None, label: str, inside: bool) -> Iterator[Report]:
     if callable(progress):
         yield progress
-    elif not truth("progress", progress):
+    elif progress is None and not inside and watched():
+        with Passing(label) as line:
+            yield line
+    elif progress is None or not truth("progress", progress):
         yield lambda done, total, partial: None
     else:
         began = compiling.clock()
@@ -56,6 +79,69 @@ def reporter(progress: bool | Report, label: str) -> Iterator[Report]:
                 bar.update(task, completed=done, total=total, left=left)
 
             yield show
+
+
+def watched() -> bool:
+    """Return whether the error stream of this thread is read by somebody: on a terminal or in a notebook."""
+    if Pulse.latest is not None or threading.current_thread() is not threading.main_thread():
+        return False
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return type(shell).__name__ == "ZMQInteractiveShell" or sys.stderr.isatty()
+
+
+class Passing:
+    """A line on the error stream about a computation that takes longer than a second; it goes at the end.
+
+    Within a `with` block; it is the function that the computation reports to.
+    """
+
+    def __init__(self, label: str) -> None:
+        self._label, self._stream = label, sys.stderr
+        self._news, self._width = "", 0
+        self._lock, self._ended = threading.Lock(), Event()
+
+    def __enter__(self) -> Self:
+        self._began, self._computed = perf_counter(), compiling.clock()
+        compiling.announcing.append(self._clear)
+        threading.Thread(target=self._run, daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        compiling.announcing.remove(self._clear)
+        self._clear()
+
+    def __call__(self, done: int, total: int | None, partial: Any) -> None:
+        """Note how far the computation is."""
+        part = f"{done}" if total is None else f"{100 * done / max(total, 1):.0f} % of {total}"
+        left = remaining(done, total, compiling.clock() - self._computed)
+        self._news = ", ".join(filter(None, (part, left)))
+
+    def _run(self) -> None:
+        while not self._ended.wait(PULSE):
+            seconds = perf_counter() - self._began
+            if seconds < compiling.SILENT:
+                continue
+            if self._news and not compiling.under_way():
+                line = f"{self._label}: {self._news}, after {seconds:.0f} s"
+            else:
+                what = f"compiling {compiling.under_way()}" if compiling.under_way() else self._label
+                line = f"{what} ... {seconds:.0f} s"
+            with self._lock:
+                if not self._ended.is_set():
+                    self._width = passing(self._stream, line, self._width)
+
+    def _clear(self) -> None:
+        with self._lock:
+            self._width = passing(self._stream, "", self._width)
+
+
+def passing(stream: TextIO, line: str, width: int) -> int:
+    """Write a line in the place of the one before, which was `width` wide; return the width of this one."""
+    if line or width:
+        stream.write("\r" + " " * width + "\r" + line)
+        stream.flush()
+    return len(line)
 
 
 def _bar() -> Progress:
@@ -212,10 +298,7 @@ class Pulse:
                     self._write(f"{what} ... {silent:.0f} s" if what else "")
 
     def _write(self, line: str) -> None:
-        if line or self._width:
-            self._streams[1].write("\r" + " " * self._width + "\r" + line)
-            self._streams[1].flush()
-            self._width = len(line)
+        self._width = passing(self._streams[1], line, self._width)
 
 
 def wait_for_others() -> None:

@@ -7,7 +7,7 @@ import json
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends import ImpactWindow, Measurement
+from vibroimpact.backends import ImpactWindow, Measurement, without_value
 from vibroimpact.cells import FASTEST, Cells, Floats
 from vibroimpact.dataset import (
     dataset_of,
     label,
+    missing,
     package_version,
     plain_variable,
     provenance,
@@ -85,6 +86,27 @@ class Request:
         return self.measurement.indices
 
     @cached_property
+    def absent(self) -> dict[str, str]:
+        """The requested indices of which the model has no value, with the reasons."""
+        design = self.model.at()
+        return {name: reason for name in self.indices if (reason := without_value(name, design))}
+
+    @property
+    def measured(self) -> Measurement:
+        """The measurement of the other indices."""
+        return replace(self.measurement, indices=tuple(name for name in self.indices if name not in self.absent))
+
+    def completed(self, outcome: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """Return the outcome of some cells with missing values of the indices that the model lacks."""
+        cells = len(outcome["status"])
+        sizes = {name: tuple(self.sizes_of(name).values())[len(self.shape) :] for name in self.absent}
+        return {**outcome, **{name: missing(name, (cells, *more)) for name, more in sizes.items()}}
+
+    def attrs_of(self, name: str) -> dict[str, str]:
+        """Return the attributes that a variable has besides its labels: why it has no value."""
+        return {"no_value": self.absent[name]} if name in self.absent else {}
+
+    @cached_property
     def stops(self) -> tuple[str, ...]:
         """The names of the stops for which indices are given; empty if indices cover all stops together."""
         return tuple(self.model.at().stop_names) if self.measurement.by_stop else ()
@@ -103,7 +125,9 @@ class Request:
         """Return the labelled axes of a result."""
         labels = {name: label(self.model.parameters[name]) for name in self.axes}
         dims = dict.fromkeys(self.axes, "point") if self.scattered else {name: name for name in self.axes}
-        variables = {name: plain_variable(dims[name], values, labels[name]) for name, values in self.axes.items()}
+        whole = {name for name in self.axes if self.model.parameters[name].whole}
+        columns = {name: values.astype(np.int64) if name in whole else values for name, values in self.axes.items()}
+        variables = {name: plain_variable(dims[name], values, labels[name]) for name, values in columns.items()}
         if self.n_starts:
             attrs = {"long_name": "number of the initial condition", "units": "1", "symbol": "start"}
             variables["start"] = plain_variable("start", np.arange(self.n_starts), attrs)
@@ -227,7 +251,10 @@ class Request:
 
 def map_of(request: Request, arrays: Mapping[str, NDArray[Any]]) -> xr.Dataset:
     """Return a map of the arrays of indices and status, without copying them."""
-    variables = {name: variable(name, tuple(request.sizes_of(name)), arrays[name]) for name in request.indices}
+    variables = {
+        name: variable(name, tuple(request.sizes_of(name)), arrays[name], **request.attrs_of(name))
+        for name in request.indices
+    }
     variables["status"] = status_variable(request.dims, arrays["status"])
     counts = {"impacts_computed": 0, "steps_computed": 0}
     return dataset_of(variables, request.coordinates(), attrs=counts | request.provenance("parameter_map"))

@@ -26,14 +26,8 @@ from vibroimpact.dataset import dataset_of, provenance, status_variable, variabl
 from vibroimpact.labels import in_seconds, labelled_impacts, trajectory_of
 from vibroimpact.model import Model, State, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.parameters import (
-    STEPS,
-    check_fits,
-    check_steps,
-    counted,
-    invalid,
-    phase_number,
-)
+from vibroimpact.parameters import STEPS, check_fits, check_steps, counted, invalid, phase_number
+from vibroimpact.progress import reporter
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
@@ -80,7 +74,8 @@ class Followed:
         if isinstance(window, TimesWindow):
             steps = window.length * design.period * float(cells.fastest_rate[0])
             check_steps("times", "needs", steps, "end sooner")
-        (samples,) = self.engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
+        with reporter(None, "motion"):
+            (samples,) = self.engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
         if samples.status == Status.SHORT_WINDOW and not design.periodic:  # there are no periods to be few
             samples = replace(samples, status=int(Status.STICKING if len(samples.rest_begin) else Status.OK))
         return samples

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vibroimpact.backends import ImpactWindow, Measurement, check_takes, get_backend
+from vibroimpact.backends import ImpactWindow, Measurement, check_takes, chosen_indices, get_backend
 from vibroimpact.dataset import missing
 from vibroimpact.execution.base import usual_tile
 from vibroimpact.execution.places import check_place, computing
-from vibroimpact.indices import check_indices
 from vibroimpact.model import Model, State, check_model
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import STEPS, check_fits, truth, whole_number
@@ -50,7 +49,7 @@ def parameter_map(
     cluster: Client | str | None = None,
     refine: int | None = None,
     jump: float | None = None,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
     **axes: ArrayLike,
 ) -> xr.Dataset:
     r"""Return indices of the impacts over a grid of one, two or more parameters (the paper's stability maps).
@@ -65,12 +64,14 @@ def parameter_map(
     points : mapping or DataFrame, optional
         Columns of parameters, one design per row, instead of axes: a list of variants or a Monte Carlo sample. The
         result has a dim `point`.
-    indices : names
+    indices : names or "all"
         From velocity sums: `std`, `mean_velocity`, `max_velocity` (m/s), `impacts_per_period` = (N-1) T/(t_N - t_1).
         From all observers, at 1.3 times the cost: `lyapunov` (1/s) and `lyapunov_per_impact`, the largest exponent,
         -inf for motions that stick; `n_periods` and `n_impacts`, the type of the cycle, 0 if none was found,
         n_impacts = -1 for complete chatter; `dissipation` (J per period); `stick_fraction`; `impact_phase_spread` =
         1 - \|<exp 2 pi i phase>\|; `grazing_margin` (m), the gap left at the closest near-miss, inf without one.
+        For systems: `mean_force`, `max_force` (N), `work_rate` and `damper_rate` (W). "all" are those that the back end
+        computes.
     backend : str
         Name of the back end; `time_step` in s is for "fixed-step" only. All except "cpu" take only one mass with one
         fixed rigid stop, driven at one frequency, which may be given as an `ImpactSystem`.
@@ -108,7 +109,8 @@ def parameter_map(
         themselves. The result does not depend on them.
     refine, jump : int and float, optional
         As in `refined_map`.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a bar. A callable gets (cells done, cells in all, Dataset so far) and stops the sweep by returning
         False; the Dataset so far is then returned, with unfinished cells `interrupted`.
     **axes : sequences of numbers
@@ -118,7 +120,8 @@ def parameter_map(
     -------
     xarray.Dataset
         One variable per index, and `status`, over the axes in the order given. An index without a value is NaN, and the
-        status gives the reason. `attrs` hold the numbers of impacts and certified steps computed.
+        status gives the reason; if the model has no such index, the variable's attribute `no_value` does. `attrs` hold
+        the numbers of impacts and certified steps computed.
 
     Raises
     ------
@@ -161,10 +164,12 @@ def parameter_map(
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     early_closing, by_stop = truth("early_closing", early_closing), truth("by_stop", by_stop)
-    measurement = Measurement(window, Tolerances.of(tolerances), early_closing, check_indices(indices), by_stop)
+    engine = get_backend(backend, time_step=time_step, elsewhere=cluster is not None)
+    chosen = chosen_indices(indices, engine)
+    measurement = Measurement(window, Tolerances.of(tolerances), early_closing, chosen, by_stop)
     varied = check_axes(axes, osc.parameters) if points is None else check_points(points, osc)
     request = Request(osc, varied, measurement, check_start(start), backend, time_step, scattered=points is not None)
-    check_takes(get_backend(backend, time_step=time_step, elsewhere=cluster is not None), osc.at())
+    check_takes(engine, osc.at())
     if by_stop and refine is not None:
         raise ValueError("give either `by_stop` or `refine`, not both")
     request.check_cost(STEPS if store is None and cluster is None else STEPS << 10)
@@ -193,7 +198,7 @@ def parameter_map(
 
 
 def _in_memory(
-    request: Request, cluster: Client | str | None, workers: int | None, size: int, progress: bool | Report
+    request: Request, cluster: Client | str | None, workers: int | None, size: int, progress: bool | Report | None
 ) -> xr.Dataset:
     dataset, flat = _empty_map(request)
     done, stop = 0, Stop(progress)

@@ -19,7 +19,7 @@ from vibroimpact.backends.base import (
 )
 from vibroimpact.backends.one_mass import OfOneMass
 from vibroimpact.cells import Cells
-from vibroimpact.indices import FORCES, INDICES
+from vibroimpact.indices import ALL, FORCES, INDICES, check_indices
 from vibroimpact.model import Model
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.parameters import choice, unknown
@@ -38,7 +38,9 @@ __all__ = [
     "Window",
     "check_known",
     "check_takes",
+    "chosen_indices",
     "get_backend",
+    "without_value",
 ]
 
 # name: module that defines `create(**options) -> Backend`
@@ -78,13 +80,34 @@ def check_takes(backend: Backend, model: Model) -> None:
         backend.check_takes(model.cells({}))
 
 
+def chosen_indices(indices: Iterable[str], backend: Backend) -> tuple[str, ...]:
+    """Return the names of indices, after checking them; "all" are those that a back end computes."""
+    names = check_indices(indices)
+    if isinstance(indices, str) and indices == ALL:
+        names = tuple(name for name in names if _computes(backend, name))
+    return names
+
+
+def _computes(backend: Backend, name: str) -> bool:
+    return name in backend.known_indices or (name in FORCES and not isinstance(backend, OfOneMass))
+
+
+def without_value(name: str, model: Model) -> str:
+    """Return why a model has no value of an index; empty if it has one."""
+    if name in FORCES and isinstance(model, ImpactOscillator):
+        return f"`{name}` is an index of systems; write the oscillator as an ImpactSystem"
+    if name == "max_force" and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):
+        return "`max_force` needs a compliant stop; the force of a rigid one has no largest value"
+    return ""
+
+
 def check_known(indices: Iterable[str], backend: Backend, model: Model) -> None:
-    """Raise `ValueError` if a back end does not compute an index of a model."""
-    for name in indices:
-        if name in FORCES and isinstance(model, ImpactOscillator):
-            raise ValueError(f"`{name}` is an index of systems; write the oscillator as an ImpactSystem")
-        if name == "max_force" and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):
-            raise ValueError("`max_force` needs a compliant stop; the force of a rigid one has no largest value")
-        if name not in backend.known_indices and (name not in FORCES or isinstance(backend, OfOneMass)):
-            names = ", ".join(index for index in INDICES if index in backend.known_indices)
-            raise ValueError(f"`backend` {backend.name!r} does not compute the index {name!r}, only {names}")
+    """Raise `ValueError` if a back end does not compute an index, or the model has a value of none."""
+    names = tuple(indices)
+    reasons = [without_value(name, model) for name in names]
+    if names and all(reasons):
+        raise ValueError(reasons[0])
+    for name, reason in zip(names, reasons, strict=True):
+        if not reason and not _computes(backend, name):
+            known = ", ".join(index for index in INDICES if index in backend.known_indices)
+            raise ValueError(f"`backend` {backend.name!r} does not compute the index {name!r}, only {known}")

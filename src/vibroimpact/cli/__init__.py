@@ -100,6 +100,7 @@ def commands() -> Any:
     import typer
     from typer.main import get_command
 
+    from vibroimpact.cli.attractors import attractors
     from vibroimpact.cli.compute import basins, compare, describe, diagram, parameter_map, section, simulate
     from vibroimpact.cli.files import explore, info, plot, reproduce, warm_up
     from vibroimpact.cli.models import models
@@ -152,6 +153,7 @@ def commands() -> Any:
             "continue": follow,
             "response": response,
             "boundary": boundary,
+            "attractors": attractors,
             "basins": basins,
         },
         "Verdicts": {"describe": describe, "compare": compare},

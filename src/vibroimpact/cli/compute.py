@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 INITIAL_CONDITIONS = 200  # along an axis of basins that is not given
 
 
-@with_options(o.MODEL, o.START, o.DURATION, o.ENGINE, o.FILM_OUT, o.FIGURE, o.SHOWN, o.PICTURE)
+@with_options(o.MODEL, o.START, o.DURATION, o.ENGINE, o.FILM_OUT, o.FIGURE, o.POINT, o.SHOWN, o.PICTURE)
 def simulate(options: Options) -> None:
     """Compute the motion in time from its initial conditions.
 
@@ -43,7 +43,9 @@ def simulate(options: Options) -> None:
         typer.echo(f"settles to: {motion_of(_call('impact_section', study))}")
 
 
-@with_options(o.MODEL, o.START, o.SECTION_KIND, o.IMPACTS, o.PERIODS, o.ENGINE, o.OUT, o.FIGURE, o.SHOWN, o.PICTURE)
+@with_options(
+    o.MODEL, o.START, o.SECTION_KIND, o.IMPACTS, o.PERIODS, o.ENGINE, o.OUT, o.FIGURE, o.POINT, o.SHOWN, o.PICTURE
+)
 def section(options: Options) -> None:
     """Impact map or Poincare map of the settled motion, and the name of that motion.
 
@@ -61,9 +63,18 @@ def _motion(function: str, study: Study, options: Options) -> None:
     for shown in ("coordinate", "stop"):
         if options[shown] is not None and not output.is_figure(options["out"]):
             raise WrongRequest(f"`--{shown}` needs a figure; add for example --out figure.png")
-    began = clock()
+    began, point, system = clock(), options["point"], None
+    if point is not None and function == "impact_section":
+        raise WrongRequest("`--point` needs a motion; add --kind stroboscopic, or use `vibroimpact simulate`")
+    with refusing():
+        if point is not None:
+            design = study.model.at()
+            system = getattr(design, "system", design)
+            system.row_of(point)
     with refusing(), before_compiling(study.announce):
         dataset = _call(function, study)
+        if system is not None:
+            dataset = system.at_point(point, dataset)
     output.hand_on(dataset, options, clock() - began)
 
 
@@ -85,7 +96,7 @@ def diagram(options: Options) -> None:
     if len(study.axes) != 1:
         got = " and ".join(study.axes) or "none"
         raise WrongRequest(f"a diagram needs exactly one axis, got {got}; for example --x omega=0.025:5:200")
-    output.check(options, "bifurcation_diagram", study.settings.get("indices", ()), 1)
+    output.check(options, "bifurcation_diagram", _computed(study), 1)
     from vibroimpact.execution.threads import GRACE
 
     _sweep(
@@ -125,7 +136,7 @@ def parameter_map(options: Options) -> None:
     stored = files.is_store(options)
     resumed = stored and files.store_exists(options)
     if not resumed:
-        output.check(options, "parameter_map", study.settings.get("indices", ("std",)), len(study.axes))
+        output.check(options, "parameter_map", _computed(study, ("std",)), len(study.axes))
     more = options.given("tile", "refine", "cluster")
     if stored:
         _into_store(study, options, more, resumed=resumed)
@@ -142,11 +153,19 @@ def _with_index(options: Options) -> Study:
     study, index = study_of(options), options["index"]
     from vibroimpact.indices import check_indices
 
-    computed = study.settings.get("indices", ())
+    computed = _computed(study)
     if index is None or index in computed:
         return study
     with refusing():
         return replace(study, settings={**study.settings, "indices": check_indices([*computed, index])})
+
+
+def _computed(study: Study, usual: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """Return the names of the indices that a study computes."""
+    from vibroimpact.indices import ALL, check_indices
+
+    chosen = study.settings.get("indices", usual)
+    return check_indices(chosen) if chosen == ALL else tuple(chosen)
 
 
 @with_options(

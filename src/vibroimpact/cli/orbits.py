@@ -166,7 +166,7 @@ def follow(options: Options) -> None:
     arguments = {"parameter": parameter, "range": span, **_type(options), "doublings": doublings}
     attrs = provenance("continue_orbit", study.model, arguments)
     dataset = bundle([branch.dataset for branch in branches], "continue_orbit", attrs)
-    output.finish(dataset, options, meter, beneath)
+    output.finish(dataset, options, meter, beneath, study.units)
 
 
 def _branches(
@@ -276,7 +276,7 @@ def boundary(options: Options) -> None:
         curves = (_of_orbits if of_orbits else _all)(study, box, kinds, options, meter)
     if not curves and not meter.stopped:
         _nothing(f"no such boundary found in the plane of {' and '.join(names)}: {curves.message}", options)
-    output.finish(_bundled(curves, study, box) if curves else None, options, meter, over)
+    output.finish(_bundled(curves, study, box) if curves else None, options, meter, over, study.units)
 
 
 def _bundled(curves: Boundaries, study: Study, box: Mapping[str, Range]) -> xr.Dataset:

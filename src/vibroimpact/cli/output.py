@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +24,13 @@ FILM_ENDINGS = (".gif", ".mp4")
 NEEDS = {name: kind.needs for name, kind in KINDS.items()}  # indices that figures are drawn from
 
 
-def hand_on(dataset: xr.Dataset, options: Options, seconds: float, over: xr.Dataset | None = None) -> None:
-    """Write a result to its file, or print its sentences."""
+Units = Mapping[str, str]  # by parameter
+
+
+def hand_on(
+    dataset: xr.Dataset, options: Options, seconds: float, over: xr.Dataset | None = None, units: Units | None = None
+) -> None:
+    """Write a result to its file, or print its sentences, with the parameters of curves in these units."""
     if options["out"] is not None:
         write(dataset, options, options["out"], over)
         typer.echo(f"wrote {options['out']} ({duration(seconds)})")
@@ -31,17 +38,52 @@ def hand_on(dataset: xr.Dataset, options: Options, seconds: float, over: xr.Data
     from vibroimpact.report import sentences_of
 
     rate = speed(int(dataset.attrs.get("impacts_computed", 0)), seconds)
-    for line in (*sentences_of(dataset), ", ".join(filter(None, (f"computed in {duration(seconds)}", rate)))):
+    for line in (
+        *sentences_of(_with_units(dataset, units or {})),
+        ", ".join(filter(None, (f"computed in {duration(seconds)}", rate))),
+    ):
         typer.echo(line)
 
 
-def finish(dataset: xr.Dataset | None, options: Options, meter: Meter, over: xr.Dataset | None = None) -> None:
+def _with_units(dataset: xr.Dataset, units: Units) -> xr.Dataset:
+    """Return branches or curves with the parameters along them in these units."""
+    from vibroimpact.model.units import in_unit
+    from vibroimpact.report import quantity
+
+    for name in (name for name in units if name in dataset.coords):
+        given, wanted = dataset[name].attrs["units"], units[name]
+        if given == wanted:
+            continue
+
+        def converted(found: re.Match[str], name: str = name, units: tuple[str, str] = (given, wanted)) -> str:
+            return f"{name} = {quantity(in_unit(float(found[1]), *units), units[1])}"
+
+        pattern = rf"\b{name} = (-?\d[\d.]*(?:e[-+]?\d+)?)"
+        attrs = {
+            key: re.sub(pattern, converted, text) if "message" in key and isinstance(text, str) else text
+            for key, text in dataset.attrs.items()
+        }
+        dataset = dataset.assign_attrs(attrs)
+        for key in {name, "special_value"} & set(map(str, dataset.variables)):
+            column = dataset[key]
+            values = in_unit(column.values, given, wanted)
+            dataset = dataset.assign({key: (column.dims, values, {**column.attrs, "units": wanted})})
+    return dataset
+
+
+def finish(
+    dataset: xr.Dataset | None,
+    options: Options,
+    meter: Meter,
+    over: xr.Dataset | None = None,
+    units: Units | None = None,
+) -> None:
     """Write or print a result, or the finished part of an interrupted one, which never replaces a complete result."""
     from vibroimpact.files import partial_name
     from vibroimpact.status import Status
 
     if dataset is not None and not meter.stopped:
-        hand_on(dataset, options, meter.seconds, over)
+        hand_on(dataset, options, meter.seconds, over, units)
         return
     if dataset is None or ("status" in dataset and (dataset["status"] == Status.INTERRUPTED).all()):
         raise Interrupted("interrupted before anything was finished; nothing was written")
@@ -51,7 +93,7 @@ def finish(dataset: xr.Dataset | None, options: Options, meter: Meter, over: xr.
     if out is not None and out.exists():
         message += f"; {out} is unchanged"
         out = partial_name(out)
-    hand_on(dataset, options.with_values(out=out), meter.seconds, over)
+    hand_on(dataset, options.with_values(out=out), meter.seconds, over, units)
     raise Interrupted(message)
 
 

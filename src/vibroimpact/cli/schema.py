@@ -12,7 +12,16 @@ from vibroimpact.cli.endings import WrongRequest
 from vibroimpact.cli.options import FLAG, PATH, TEXTS, Key, Option, number, numbers, words
 from vibroimpact.cli.times import check_duration, check_times, read_times
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.parameters import QUOTES, choice, invalid, phase_number, positive_number, real_number, whole_number
+from vibroimpact.parameters import (
+    COUNTS,
+    QUOTES,
+    choice,
+    invalid,
+    phase_number,
+    positive_number,
+    real_number,
+    whole_number,
+)
 
 ENDS = ("from", "to", "points")  # of an axis
 
@@ -38,10 +47,11 @@ def _flag(name: str, value: Any) -> bool:
     return value
 
 
-def _indices(name: str, value: Any) -> tuple[str, ...]:
+def _indices(name: str, value: Any) -> tuple[str, ...] | str:
     if not isinstance(value, (str, list, tuple)):
         raise invalid(name, value, 'a list of names such as ["std"]')
-    return indices.check_indices(value)
+    names = indices.check_indices(value)
+    return value if value == indices.ALL else names
 
 
 def _backend(name: str, value: Any) -> str:
@@ -147,24 +157,24 @@ STARTS = Option(
 GRID, SPAN = "NAME=FROM:TO:POINTS", "NAME=FROM:TO"
 
 
-def _axis(name: str, text: str, form: str = GRID, example: str = "omega=0.025:5:200", **more: Any) -> Option:
-    def read(typed: str) -> dict[str, Any]:
-        return parse_axis(f"--{name}", typed, form, example)
+def _axis(
+    name: str, text: str, form: str = GRID, example: str = "omega=0.025:5:200", most: int = 1, **more: Any
+) -> Option:
+    def read(texts: list[str]) -> dict[str, Any]:
+        axes: dict[str, Any] = {}
+        for typed in texts:
+            axes |= parse_axis(f"--{name}", typed, form, example)
+        if len(axes) > most:
+            raise WrongRequest(f"`--{name}` takes one parameter, got {' and '.join(axes)}; give each its own option")
+        return axes
 
-    usual: dict[str, Any] = {"table": "axes", "read": read}
+    usual: dict[str, Any] = {"table": "axes", "read": read, "kind": TEXTS}
     return Option(name, form, text, "Axes", **usual | more)
-
-
-def _more_axes(texts: list[str]) -> dict[str, Any]:
-    axes: dict[str, Any] = {}
-    for text in texts:
-        axes |= parse_axis("--axis", text, GRID, "mass=0.1:5:200")
-    return axes
 
 
 X = _axis("x", "The first axis, linear, both ends included: omega=0.025:5:200.")
 Y = _axis("y", "The second axis.", example="mass=0.1:5:200")
-MORE_AXES = _axis("axis", "A further axis; repeat it for more.", kind=TEXTS, read=_more_axes)
+MORE_AXES = _axis("axis", "A further axis; repeat it for more.", example="mass=0.1:5:200", most=COUNTS)
 RANGE = _axis("x", "The parameter and its range: omega=0.8:3, or omega=0.8:3:400 with --diagram.", SPAN, "omega=0.8:3")
 RANGE_X = _axis("x", "The first parameter of the plane and its range: omega=0.025:5.", SPAN, "omega=0.025:5")
 RANGE_Y = _axis("y", "The second parameter and its range: mass=0.1:5.", SPAN, "mass=0.1:5")
@@ -240,15 +250,9 @@ EVERY_IMPACT = _how(
     flags=("--every-impact",), kind=FLAG, read=lambda given: not given, check=_flag,
 )  # fmt: skip
 BY_STOP = _how(
-    "by_stop",
-    "",
-    "For systems: give the indices for each stop.",
-    table="run",
-    flags=("--by-stop",),
-    kind=FLAG,
-    read=bool,
-    check=_flag,
-)
+    "by_stop", "", "For systems: give the indices for each stop.",
+    table="run", flags=("--by-stop",), kind=FLAG, read=bool, check=_flag,
+)  # fmt: skip
 CLUSTER = _how(
     "cluster", "WHERE", "Compute on a Dask cluster: tcp://HOST:PORT of its scheduler, or local:N processes here.",
     read=str,
@@ -269,14 +273,11 @@ DOUBLINGS = _how(
 _what = partial(Option, panel="What to compute")
 
 
-def _names(text: str) -> list[str]:
-    return list(indices.INDICES) if text.strip() == "all" else words(text)
-
-
 INDICES = _what(
     "indices", "NAMES",
-    f"Comma-separated: {', '.join(indices.INDICES)}; or all; for systems {', '.join(indices.FORCES)}. "
-    "(default: std; for a diagram: none)", table="run", read=_names, check=_indices,
+    f"Comma-separated: {', '.join(indices.INDICES)}; for systems also {', '.join(indices.FORCES)}; or all. "
+    "(default: std; for a diagram: none)", table="run", check=_indices,
+    read=lambda text: indices.ALL if text.strip() == indices.ALL else words(text),
 )  # fmt: skip
 _SECTIONS = (
     "impact: velocity and phase of impacts; stroboscopic: displacement and velocity once per driving period. "
@@ -365,6 +366,7 @@ FIGURE_KIND = _output(
     f"{', '.join(figures.KINDS)}. (default: the one that suits the result)",
     flags=("--kind",),
 )  # fmt: skip
+POINT = _output("point", "NAME", "For systems with named points: the point whose motion is the result.", read=str)
 SHOWN = (
     _output("coordinate", "N", "For systems: the coordinate that a figure of one motion shows.", default=0),
     _output(

@@ -46,7 +46,7 @@ def attractors(
     backend: str = "cpu",
     tolerances: Tolerances | None = None,
     workers: int | None = None,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
 ) -> list[Attractor]:
     r"""Return the attractors that initial conditions lead to: the motions that coexist.
 
@@ -72,7 +72,8 @@ def attractors(
         Numerical tolerances.
     workers : int, optional
         Threads; None means one per core. The result does not depend on it.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a bar; a callable gets (initial conditions decided, their total number, their `status` so far) and
         stops the search by returning False: the attractors found by then are returned.
 
@@ -147,7 +148,7 @@ def attractors_by(
     osc: Design,
     starts: Iterable[State] | None = None,
     sampling: Sampling = SAMPLING,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
 ) -> list[Attractor]:
     """Return the attractors of a model as `attractors` does, with a runner that may hold results already."""
     check_taken(osc, runner)
@@ -198,7 +199,7 @@ def basins(
     backend: str = "cpu",
     tolerances: Tolerances | None = None,
     workers: int | None = None,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
     **axes: ArrayLike,
 ) -> xr.Dataset:
     r"""Return the attractor that each initial condition of a grid leads to, and the attractors' properties.
@@ -220,7 +221,8 @@ def basins(
         velocity.
     transient_impacts, sample_impacts, backend, tolerances, workers
         As in `attractors`.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a bar; a callable gets (initial conditions decided, their total number, Dataset with their `status`)
         and stops the search by returning False: the result so far is returned, with unfinished cells `interrupted`.
     **axes : sequences of numbers

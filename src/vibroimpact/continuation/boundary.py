@@ -45,7 +45,7 @@ def continue_boundary(
     *,
     step: float = 0.01,
     virtual: bool = True,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
 ) -> Boundary:
     r"""Follow a bifurcation of a periodic orbit as a curve in two parameters.
 
@@ -70,7 +70,8 @@ def continue_boundary(
         along an end of sticking.
     virtual : bool
         Whether to continue where the orbit on the boundary is inadmissible; otherwise the curve ends there.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a count; a callable gets (points done, None, None) and stops the computation by returning False.
 
     Returns

@@ -36,7 +36,7 @@ def continue_orbit(
     *,
     step: float = 0.01,
     virtual: bool = True,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
 ) -> Branch:
     r"""Follow a periodic orbit, stable or unstable, along one parameter, in both directions and through folds.
 
@@ -65,7 +65,8 @@ def continue_orbit(
     virtual : bool
         Whether to continue beyond a graze, where orbits are inadmissible but may become admissible again; otherwise the
         branch ends at the graze.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a count; a callable gets (orbits done, None, None) and stops the computation by returning False.
 
     Returns

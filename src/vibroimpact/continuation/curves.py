@@ -70,7 +70,7 @@ def boundary_curves(
     kinds: Sequence[str] | None = None,
     lines: int = 5,
     step: float = 0.01,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
 ) -> Boundaries:
     r"""Find the curves in a plane of two parameters at which attractors end.
 
@@ -98,7 +98,8 @@ def boundary_curves(
         Number of lines along each parameter, evenly spaced, including the plane's edges.
     step : float, 1e-6 to 0.5
         As in `continue_boundary`.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a bar; a callable gets (lines done, lines in all, curves so far), several times per line, and stops
         the search by returning False: the curves finished by then are returned.
 
@@ -185,7 +186,7 @@ def curves_through(
     ranges: tuple[Range, Range],
     *,
     step: float = 0.01,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
 ) -> Boundaries:
     """Follow the boundaries through given bifurcation points, each curve once, as far as its orbits are admissible.
 
@@ -195,7 +196,8 @@ def curves_through(
         From the `special` of branches; points on a curve already followed are skipped.
     parameters, ranges, step
         As in `continue_boundary`.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a count; a callable gets (curves done, None, curves so far), several times per curve, and stops the
         computation by returning False: the curves finished by then are returned.
 

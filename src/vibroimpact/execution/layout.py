@@ -155,7 +155,8 @@ def lay_out(place: GuardedStore, request: Request, identity: dict[str, Any], til
     for name in names:
         sizes = request.sizes_of(name)
         shape = tuple(sizes.values())
-        _array(root, name, _label(name, tuple(sizes)), shape, (*chunks, *shape[len(chunks) :]))
+        like = _label(name, tuple(sizes), **request.attrs_of(name))
+        _array(root, name, like, shape, (*chunks, *shape[len(chunks) :]))
     records = plain_variable(("tile", "column"), np.zeros((1, 1), np.int64), {})
     _array(root, RECORDS, records, (len(tiling), COLUMNS), (ROWS, COLUMNS))
 
@@ -177,7 +178,7 @@ def _array(
     )
 
 
-def _label(name: str, dims: tuple[str, ...]) -> xr.Variable:
+def _label(name: str, dims: tuple[str, ...], **attrs: str) -> xr.Variable:
     """Return a variable of missing values."""
     one = (1,) * len(dims)
     if name == "status":
@@ -186,7 +187,7 @@ def _label(name: str, dims: tuple[str, ...]) -> xr.Variable:
         return level_variable(dims, np.full(one, -1, np.int8))
     if name == CELL:
         return plain_variable(dims, np.full(one, -1, np.int64), {})
-    return variable(name, dims, missing(name, one))
+    return variable(name, dims, missing(name, one), **attrs)
 
 
 # ---- writing tiles

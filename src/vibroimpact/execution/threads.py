@@ -44,7 +44,7 @@ def worker_count(workers: int | None) -> int:
 def compute_here(request: Request, part: Part) -> Outcome:
     """Return the results of a part of a request's cells, computed by the calling thread."""
     engine = get_backend(request.backend, time_step=request.time_step)
-    outcome = engine.indices(request.cells(flat(part, request)), request.measurement)
+    outcome = request.completed(engine.indices(request.cells(flat(part, request)), request.measured))
     return {name: outcome[name] for name in (*request.indices, "status", "impacts", "steps")}
 
 
@@ -69,12 +69,12 @@ class Threads:
             block = _block(request, parts, first, SHARE * self.workers)
             bounds = np.cumsum([0, *map(len, block)])
             cells = request.cells(np.concatenate(block))
-            for which, outcome in run_sweep(engine, cells, request.measurement, self.workers, stop):
+            for which, outcome in run_sweep(engine, cells, request.measured, self.workers, stop):
                 ended = np.arange(which.start, which.stop) if isinstance(which, slice) else which
                 owner = np.searchsorted(bounds, ended, side="right") - 1
                 for part in np.unique(owner).tolist():
                     inside = owner == part
-                    results = {name: values[inside] for name, values in outcome.items()}
+                    results = request.completed({name: values[inside] for name, values in outcome.items()})
                     yield first + part, ended[inside] - bounds[part], results
             first += len(block)
 

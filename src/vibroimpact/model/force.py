@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibroimpact.by_value import ByValue
 from vibroimpact.matrices import numbers
-from vibroimpact.parameters import OF_ONE_MASS, counted, hertz, invalid, radians, several, unknown, whole_number
+from vibroimpact.parameters import OF_ONE_MASS, counted, hertz, invalid, radians, whole_number
 
 
 def vector(name: str, value: Any, kind: type = np.float64) -> Any:
@@ -32,7 +31,7 @@ def check_length(name: str, value: Any, n: int) -> None:
     if isinstance(value, np.ndarray):
         raise ValueError(f"`{name}` must have {wanted}, got {len(value)}")
     points = ", ".join(map(str, value))
-    raise ValueError(f"`{name}` refers to points ({points}), which only ImpactSystem.from_modes has; give {wanted}")
+    raise ValueError(f"`{name}` refers to points ({points}), but the system has none; give it `points`, or {wanted}")
 
 
 def by_order(name: str, amplitudes: Any) -> dict[int, Any]:
@@ -70,7 +69,7 @@ class Force(ByValue):
 
     Notes
     -----
-    For one coordinate, numbers may replace sequences. In `ImpactSystem.from_modes`, mappings from names of points to
+    For one coordinate, numbers may replace sequences. In a system with named points, mappings from their names to
     forces replace them.
 
     Examples
@@ -141,27 +140,3 @@ def checked_force(force: Any) -> Force:
     if not isinstance(force, Force):
         raise invalid("force", force, "a Force", "leave it out for an unforced system")
     return force
-
-
-def names_of_points(points: Any, count: int) -> tuple[str, ...]:
-    """Return the names of the rows of a table of modes; None names them by position."""
-    if points is None:
-        return tuple(f"point_{at}" for at in range(1, count + 1))
-    allowed = f"{count} different names, one per row of `shapes`"
-    names = several("points", points, allowed)
-    if len(names) != count or not all(isinstance(name, str) for name in names) or len(set(names)) != count:
-        raise invalid("points", points, allowed)
-    return names
-
-
-def over_modes(name: str, value: Any, points: Sequence[str], shapes: NDArray[np.float64]) -> NDArray[Any]:
-    """Return the vector over modes that corresponds to a vector over points, by the rows of their mode shapes."""
-    if isinstance(value, Mapping):
-        for point in value:
-            if point not in points:
-                raise unknown("point", point, points)
-        value = np.array([value.get(point, 0.0) for point in points])
-    if len(value) != len(points):
-        raise ValueError(f"`{name}` must have {len(points)} numbers, one per point, got {len(value)}")
-    modal: NDArray[Any] = value @ shapes
-    return modal

@@ -156,7 +156,7 @@ class ImpactOscillator:
 
         force = Force(omega=self.omega, harmonics={1: self.amplitude})
         stop = Stop(direction=1.0, gap=self.gap, restitution=self.restitution, name=self.stop_names[0])
-        linear = {"mass": self.mass, "damping": self.damping, "stiffness": self.stiffness}
+        linear: dict[str, Any] = {"mass": self.mass, "damping": self.damping, "stiffness": self.stiffness}
         return ImpactSystem(**linear, force=force, stops=[stop])
 
     @property

@@ -70,7 +70,7 @@ class Stop(ByValue):
 
     Notes
     -----
-    With one coordinate, the direction may be a number. In `ImpactSystem.from_modes` it may be a mapping from names of
+    With one coordinate, the direction may be a number. In a system with named points it may be a mapping from names of
     points to factors of their displacements.
 
     Examples

@@ -16,15 +16,16 @@ from vibroimpact.cells import NOWHERE, Floats
 from vibroimpact.matrices import ROUNDING, matrices, nearest, table_of_modes
 from vibroimpact.model import State, check_names
 from vibroimpact.model.elements import NUMBERS
-from vibroimpact.model.force import Force, check_length, checked_force, names_of_points, over_modes
+from vibroimpact.model.force import Force
 from vibroimpact.model.modal import FREE, ModalForm, modal_form, velocity_scale
-from vibroimpact.model.stops import Stop, check_moves, check_room, named_stops, several_stops, warn_of_short_contacts
+from vibroimpact.model.points import NamedPoints, checked_points, over_points, resolved, rows_of
+from vibroimpact.model.stops import Stop, check_moves, check_room, named_stops, warn_of_short_contacts
 from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.parameters import OF_ONE_MASS, Parameter, Scale, check_one, counted, hertz, invalid, radians
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class ImpactSystem(ByValue):
+class ImpactSystem(NamedPoints, ByValue):
     r"""A linear system of n coordinates under a periodic force, with stops.
 
     .. math:: M \ddot q + C \dot q + K q = p_0 + \sum_h \mathrm{Im}\left(p_h e^{i h \omega t}\right), \qquad
@@ -45,6 +46,9 @@ class ImpactSystem(ByValue):
         The load, with the frequency that sets the period. None means no load; without a frequency there is no period.
     stops : sequence of Stop
         At most 64; a stop without a name is named by its position, ``stop_1`` first.
+    points : mapping of str to sequence of n float, optional
+        Named points: the displacement of a point is its row times q. Vectors of `force` and directions of `stops` may
+        then be mappings such as ``{"tip": 5.0}``, and `at_point` returns motions at a point.
 
     Raises
     ------
@@ -85,21 +89,30 @@ class ImpactSystem(ByValue):
     forgets: ClassVar[bool] = False  # the impact or rest at one stop is not the whole state
     step_cost: ClassVar[int] = 4  # cost of a certified step, in steps of one mass
     offsets: ClassVar[tuple[str, ...]] = ()  # parameters that may be zero like any other value
+    labels: ClassVar[tuple[str, ...]] = ("points",)
 
     mass: Floats
     damping: Floats
     stiffness: Floats
     force: Force
     stops: tuple[Stop, ...]
+    points: Mapping[str, Floats]
 
     def __init__(
-        self, *, mass: Any, stiffness: Any, damping: Any = 0.0, force: Force | None = None, stops: Iterable[Stop] = ()
+        self,
+        *,
+        mass: Any,
+        stiffness: Any,
+        damping: Any = 0.0,
+        force: Force | None = None,
+        stops: Iterable[Stop] = (),
+        points: Mapping[str, Any] | None = None,
     ) -> None:
-        force = checked_force(force)
         linear = matrices(mass, damping, stiffness)
-        for name, value in force.vectors.items():
-            check_length(name, value, len(linear["mass"]))
-        vars(self).update(linear, force=force, stops=named_stops(stops, len(linear["mass"])))
+        n = len(linear["mass"])
+        rows = checked_points(points, n)
+        force, stops = resolved(force, stops, rows, n)
+        vars(self).update(linear, force=force, stops=named_stops(stops, n), points=rows)
         check_moves(self.stops, force.omega)
         check_room(self.stops, self.mass)
         warn_of_short_contacts(self.stops, self.mass, self.period)
@@ -138,7 +151,7 @@ class ImpactSystem(ByValue):
         Returns
         -------
         ImpactSystem
-            With M = I, in m sqrt(kg); `shapes` @ displacement are the displacements of the points.
+            With M = I, in m sqrt(kg); `at_point` returns motions at the points.
 
         Raises
         ------
@@ -150,7 +163,7 @@ class ImpactSystem(ByValue):
         Divide shapes of another normalisation by the square roots of their modal masses first. With rigid stops,
         results do not converge as modes are added: the struck mass 1/(a . M^-1 a) decreases with each mode. For a
         moving base, a row of `shapes` may hold the participation factors -sum(m phi): the force at that point is then
-        the base's acceleration.
+        the base's acceleration, and `at_point` returns no displacement there.
 
         Examples
         --------
@@ -168,24 +181,15 @@ class ImpactSystem(ByValue):
         (array([2., 2.]), array([ 2.04, -4.29]))
         """
         rates, ratios, table = table_of_modes(frequencies, damping_ratios, shapes)
-        force = checked_force(force)
-        places = names_of_points(points, len(table))
-        vectors = {name: over_modes(name, value, places, table) for name, value in force.vectors.items()}
-        harmonics = {order: vectors[f"harmonics[{order}]"] for order in force.harmonics}
-        return cls(
-            mass=np.eye(len(rates)),
-            damping=np.diag(2.0 * ratios * rates),
-            stiffness=np.diag(rates**2),
-            force=Force(omega=force.omega, harmonics=harmonics, constant=vectors.get("constant")),
-            stops=[
-                stop.replace(direction=over_modes(f"stops[{at}].direction", stop.direction, places, table))
-                for at, stop in enumerate(several_stops(stops))
-            ],
-        )
+        rows = rows_of(points, table)
+        force, stops = resolved(force, stops, rows, len(rates), over_points)
+        linear = {"mass": np.eye(len(rates)), "damping": np.diag(2.0 * ratios * rates), "stiffness": np.diag(rates**2)}
+        return cls(**linear, force=force, stops=stops, points=rows)
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the constructor by name."""
-        return {name: getattr(self, name) for name in ("mass", "damping", "stiffness", "force", "stops")}
+        named = {"points": dict(self.points)} if self.points else {}
+        return {name: getattr(self, name) for name in ("mass", "damping", "stiffness", "force", "stops")} | named
 
     def __repr__(self) -> str:
         values = [f"{name}={value!r}" for name, value in self.values.items()]
@@ -238,7 +242,7 @@ class ImpactSystem(ByValue):
         force = self.force if omega == self.omega else Force(**{**self.force.arguments(), "omega": omega})
         stops = tuple(stop.at(checked) for stop in self.stops)
         changed = object.__new__(ImpactSystem)  # the matrices are checked already
-        vars(changed).update(self.arguments() | {"force": force, "stops": stops})
+        vars(changed).update(self.arguments() | {"force": force, "stops": stops, "points": self.points})
         if any(stop is not before for stop, before in zip(stops, self.stops, strict=True)):
             check_room(stops, self.mass)
         if "_modal" in vars(self):

@@ -82,7 +82,7 @@ class SystemCells(Cells):
             if any((stop.gap < 0.0 or stop.motion) and stop.element.impenetrable for stop in system.stops):
                 pushed[row] = system
         if len({(len(base.mass), len(base.stops)) for base in bases}) > 1:
-            raise ValueError("all systems of one family must have equal numbers of coordinates and stops; these differ")
+            raise ValueError("`osc` must have equal numbers of coordinates and stops at all points, but these differ")
         table = np.array(numbers).reshape(len(which), -1, len(BLOCKS))
         forms = [(form, np.array([form.omega])) for form in (base.modal() for base in bases)]
         return cls._of_forms(forms, np.array(which), table, pushed.__getitem__)

@@ -25,7 +25,8 @@ _RATE = re.compile(r"^1/(min|s)$")  # of a machine: turns, as rpm and Hz count t
 def without_unit(parameter: Parameter, value: Any) -> Any:
     """Return a value, or each of several, as a number in the unit of its parameter; numbers stay as they are.
 
-    The first end of a range without a unit has the unit of the second end.
+    The first end of a range without a unit has the unit of the second end. A unit at the first end alone is refused:
+    1mm:5 may end at 5 mm or at 5 m.
 
     Examples
     --------
@@ -38,6 +39,10 @@ def without_unit(parameter: Parameter, value: Any) -> Any:
         written = _WITH_UNIT.fullmatch(str(ends.get("to")))
         if written and isinstance(ends.get("from"), (int, float)):
             ends["from"] = f"{ends['from']}{written[2]}"
+        if not written and ends.get("to") and isinstance(ends["to"], (int, float)) and (unit := unit_of(ends["from"])):
+            both = f"{ends['from']} to {ends['to']}"
+            hint = f"write {ends['to']:g}{unit}, or {ends['to']:g}{parameter.unit.removeprefix('1')}"
+            raise ValueError(f"`{parameter.name}` must have a unit at its second end, got {both}; {hint}")
         return {key: without_unit(parameter, end) if key != "points" else end for key, end in ends.items()}
     if isinstance(value, (list, tuple)):
         return [without_unit(parameter, each) for each in value]
@@ -140,6 +145,11 @@ def check_units(model: Model, units: Mapping[str, str] | None) -> dict[str, str]
             allowed = "1 or %" if own == "1" else f"a unit that {own} can be turned into"
             raise invalid(f"units[{name!r}]", unit, allowed) from None
     return chosen
+
+
+def in_unit(values: Any, given: str, wanted: str) -> Any:
+    """Return an array of values of one unit in another."""
+    return values if given == wanted else values * _converted(1.0, given, wanted)
 
 
 def _converted(number: float, given: str, wanted: str) -> float:

@@ -1,7 +1,8 @@
 """Ready-made models by application: functions of engineering numbers that return a system or an oscillator.
 
 All arguments are given by name and have defaults, so that `vibroimpact.family` makes a model of any of them, with these
-numbers as its parameters.
+numbers as its parameters. `fe_beam` and `fe_rod` build beams and rods of finite elements; they are no machines, since
+they also take supports, points, stops and loads.
 
 Examples
 --------
@@ -18,6 +19,8 @@ from vibroimpact.models.beams import (
     clamped_pinned_beam_with_stop,
     pinned_beam_with_stop,
 )
+from vibroimpact.models.finite_elements import fe_beam as fe_beam
+from vibroimpact.models.finite_elements import fe_rod as fe_rod
 from vibroimpact.models.free_masses import bouncing_ball, gear_pair, idle_gear, impact_pair
 from vibroimpact.models.one_mass import (
     base_excited_oscillator,
@@ -27,7 +30,7 @@ from vibroimpact.models.one_mass import (
 )
 from vibroimpact.models.tubes import clamped_tube_in_supports, tube_in_many_supports, tube_in_supports
 
-__all__ = [
+__all__ = [  # the machines, which the command line and the explorer list
     "base_excited_oscillator",
     "bilinear_oscillator",
     "bouncing_ball",

@@ -13,7 +13,7 @@ from vibroimpact.model.stops import Stop
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.models.arguments import checked, first_given, sharing
 from vibroimpact.models.beam_modes import beam_modes, moving_row
-from vibroimpact.parameters import invalid
+from vibroimpact.models.sections import ring
 
 _SIDES = {"upper": 1.0, "lower": -1.0}  # of a support
 _OF_TUBES = r"""
@@ -235,12 +235,9 @@ def _tube(ends: str, numbers: Mapping[str, Any], supports: Sequence[str]) -> Imp
     Supports stand where an argument puts them, or at equal distances.
     """
     length, outer, wall_thickness = numbers["length"], numbers["outer_diameter"], numbers["wall_thickness"]
-    inner = outer - 2.0 * wall_thickness
-    if inner <= 0.0:
-        raise invalid("wall_thickness", wall_thickness, f"less than half of `outer_diameter`, {outer / 2:g}")
-    bore, disc = 0.25 * math.pi * inner**2, 0.25 * math.pi * outer**2
-    wall = math.pi * wall_thickness * (outer - wall_thickness)
-    rigidity = numbers["youngs_modulus"] * wall * (outer**2 + inner**2) / 16.0
+    wall, gyration_squared = ring(outer, wall_thickness)
+    bore, disc = (0.25 * math.pi * diameter**2 for diameter in (outer - 2.0 * wall_thickness, outer))
+    rigidity = numbers["youngs_modulus"] * wall * gyration_squared
     inside = numbers["inner_fluid_density"] * bore
     outside = numbers["added_mass_coefficient"] * numbers["outer_fluid_density"] * disc
     per_length = numbers["density"] * wall + inside + outside

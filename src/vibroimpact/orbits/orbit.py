@@ -254,7 +254,8 @@ def family_of(model: Model) -> Model | None:
 def value_of(model: Model, name: str) -> float:
     """Return the value of a parameter of a model, also if that parameter replaces another one."""
     values = model.values
-    return float(values[name] if name in values else getattr(model, name))
+    value = values[name] if name in values else getattr(model, name)
+    return int(value) if model.parameters[name].whole else float(value)
 
 
 def check_pair(table: Mapping[str, Parameter], parameter: str, name: str, pair: Any) -> tuple[float, float]:

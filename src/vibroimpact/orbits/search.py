@@ -13,6 +13,7 @@ from vibroimpact.orbits.near import orbit_near, state_of
 from vibroimpact.orbits.orbit import family_of, orbit_distance
 from vibroimpact.orbits.results import IMPACTS, Guess, Orbits, numbers_of, ordered
 from vibroimpact.parameters import invalid, truth, whole_number
+from vibroimpact.progress import reporter
 
 
 def find_orbit(
@@ -190,7 +191,13 @@ def find_orbit(
     if n_impacts is not None and (symmetric or stops is not None):
         raise invalid("n_impacts", n_impacts, "omitted if `stops` or `symmetric` is given", "they determine it")
     struck = None if stops is None else numbers_of(stops, tuple(stop.name for stop in design.stops))
-    if design.forgets:
+    with reporter(None, "orbits"):
+        return _found(osc, n, p, struck, guess, symmetric=symmetric)
+
+
+def _found(osc: Model, n: int, p: int, struck: tuple[int, ...] | None, guess: Guess, *, symmetric: bool) -> Orbits[Any]:
+    """Return the orbits of a request that was checked."""
+    if osc.at().forgets:
         if symmetric:
             return Orbits(outcome="none", message="not symmetric: one stop has no mirror image")
         return one_mass.find(osc, n, p if struck is None else len(struck), guess)

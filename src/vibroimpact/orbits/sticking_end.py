@@ -35,6 +35,7 @@ from vibroimpact.orbits.search import find_orbit
 from vibroimpact.orbits.sticking import LONGEST, from_release, periods_from_release, sticking_orbit
 from vibroimpact.orbits.systems.sticking import periods_from_rest
 from vibroimpact.parameters import invalid, whole_number
+from vibroimpact.progress import reporter
 
 KIND = "end_of_sticking"
 MET = 1e-7  # largest (stuck time / T)^(1/e): usually 1e-16, 1e-8 near a graze, 1e-2 where the stuck time jumps
@@ -163,6 +164,12 @@ def end_of_sticking(osc: Model, parameter: str, between: tuple[float, float], *,
     longest = whole_number("longest", longest, 1)
     if inside == outside:
         raise invalid("between", between, f"two different values of {parameter}")
+    with reporter(None, "end of sticking"):
+        return _end(osc, parameter, inside, outside, longest)
+
+
+def _end(osc: Model, parameter: str, inside: float, outside: float, longest: int) -> StickingEnd:
+    """Return the end of sticking between two values that were checked."""
     one_mass = osc.at().forgets
 
     def periods(value: float, most: int) -> int:

@@ -23,6 +23,7 @@ from vibroimpact.files import check_output, replacing
 from vibroimpact.parameters import positive_number
 from vibroimpact.plotting.orbits import time_history
 from vibroimpact.plotting.style import INK
+from vibroimpact.progress import Report, reporter
 
 ENDINGS = (".gif", ".mp4")
 RATE = 25  # frames per second
@@ -39,7 +40,7 @@ def animate(
     coordinate: int | None = None,
     stop: str | None = None,
     overwrite: bool = False,
-    progress: Callable[[int, int, Any], bool] | None = None,
+    progress: bool | Report | None = None,
 ) -> Path:
     """Write a motion as a film of the given duration.
 
@@ -57,8 +58,10 @@ def animate(
         For systems, the stop whose clearance is shown instead.
     overwrite : bool
         Whether an existing film may be replaced.
-    progress : callable, optional
-        Gets (frames done, frames in all, None) and returns whether to continue; if not, `KeyboardInterrupt` is raised.
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
+        True shows a bar; a callable gets (frames done, frames in all, None) and stops by returning False, which raises
+        `KeyboardInterrupt`.
 
     Returns
     -------
@@ -92,15 +95,15 @@ def animate(
     write = _write_gif if target.suffix.lower() == ".gif" else _mp4_writer()
     ax = time_history(simulation, coordinate=coordinate, stop=stop)
 
-    def watched() -> Iterator[Image.Image]:
+    def watched(report: Report) -> Iterator[Image.Image]:
         for done, frame in enumerate(_frames(ax, simulation, number), 1):
             yield frame
-            if progress is not None and not progress(done, number, None):
+            if report(done, number, None) is False:
                 raise KeyboardInterrupt
 
     try:
-        with replacing(target, overwrite=overwrite) as part:
-            write(part, watched())
+        with reporter(progress, "frames") as report, replacing(target, overwrite=overwrite) as part:
+            write(part, watched(report))
     finally:
         plt.close(ax.get_figure(root=True))
     return target

@@ -59,6 +59,8 @@ class View:
         Name and symbol of y.
     stop : int, optional
         The number of the stop if y is a clearance.
+    at_point : bool
+        Whether results hold y itself: they are those of `ImpactSystem.at_point`.
     """
 
     model: Any
@@ -66,6 +68,7 @@ class View:
     name: str = ""
     symbol: str = ""
     stop: int | None = None
+    at_point: bool = False
 
     @cached_property
     def walls(self) -> list[Wall]:
@@ -79,7 +82,8 @@ class View:
 
     def values(self, time: Floats, coordinates: Any, *, rate: bool = False) -> Floats:
         """Return y, or its rate, from displacements or velocities, one row per time."""
-        y: Floats = np.reshape(coordinates, (-1, len(self.form))) @ self.form
+        alone = self.at_point and np.ndim(coordinates) == 1
+        y: Floats = np.asarray(coordinates) if alone else np.reshape(coordinates, (-1, len(self.form))) @ self.form
         return y if self.stop is None else y + self._stop_place(self.stop, time, rate=rate)
 
     def _stop_place(self, number: int, time: Floats, *, rate: bool = False) -> Floats:
@@ -185,6 +189,10 @@ def view_of(dataset: xr.Dataset, coordinate: int | None, stop: str | None) -> Vi
         raise ValueError("give either `coordinate` or `stop`, not both")
     if model is None:
         return None
+    if (point := dataset.attrs.get("point")) and "coordinate" not in dataset.dims:
+        if stop is not None or coordinate is not None:
+            raise ValueError(f"the motion is that of point {point!r}; leave out `coordinate` and `stop`")
+        return View(model, model.row_of(point), f"displacement of {point}", f"y_{point}", at_point=True)
     if stop is not None:
         return _clearance(model, model.stop_names.index(choice("stop", stop, model.stop_names)))
     n, at = model.coordinates, 0 if coordinate is None else whole_number("coordinate", coordinate, 0)

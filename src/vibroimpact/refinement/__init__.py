@@ -38,7 +38,7 @@ def refine_map(
     store: str | os.PathLike[str] | None,
     cluster: Client | str | None,
     tile: int | None,
-    progress: bool | Report,
+    progress: bool | Report | None,
 ) -> xr.Dataset:
     """Return the refined map of a request's grid; see `refined_map`."""
     request = refined(coarse, refine, jump)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vibroimpact.coexistence.attractor import distinct_names
 from vibroimpact.dataset import bifurcation_name, model_of, unbundle
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
 from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along, motion_name
@@ -24,7 +25,9 @@ from vibroimpact.status import Status
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["motion_of", "quantity", "sentences_of"]
+    from vibroimpact.coexistence import Attractor
+
+__all__ = ["attractor_sentences", "motion_of", "quantity", "sentences_of"]
 
 IMPACTS, PER_LINE = 9, 3  # listed of a cycle at most, and in a line
 
@@ -176,7 +179,8 @@ def _branches(dataset: xr.Dataset) -> Iterator[str]:
         head = f"branch {at} of {len(branches)}, " if len(branches) > 1 else ""
         yield f"{head}{motion_along(branch)}: {counted(branch.sizes['point'], 'orbit')}, {branch.attrs['message']}"
         intervals = [f"{low:.6g} to {high:.6g}" for low, high in _stable_intervals(branch, parameter)]
-        yield f"  stable for {parameter} {listed(intervals)}" if intervals else "  nowhere stable"
+        units = quantity(0.0, branch[parameter].attrs["units"]).removeprefix("0")
+        yield f"  stable for {parameter} {listed(intervals)}{units}" if intervals else "  nowhere stable"
         kinds = _meanings(branch["special_kind"])
         for i in range(branch.sizes["special"]):
             point = branch.isel(special=i)
@@ -276,11 +280,24 @@ def _attractors(dataset: xr.Dataset) -> Iterator[str]:
 
 def _each_attractor(dataset: xr.Dataset, names: list[str]) -> Iterator[str]:
     for name, at in zip(names, range(dataset.sizes["attractor_id"]), strict=True):
-        attractor = dataset.isel(attractor_id=at)
-        hardest, exponent = float(attractor["max_velocity"]), float(attractor["lyapunov"])
-        hits = f", hardest hit {hardest:.4g} m/s" if math.isfinite(hardest) else ""
-        rate = f", largest exponent {exponent:.4g} 1/s" if math.isfinite(exponent) else ""
-        yield f"  {100 * float(attractor['share']):.3g} % {name}{hits}{rate}"
+        one = dataset.isel(attractor_id=at)
+        yield _attractor(name, *(float(one[key]) for key in ("share", "max_velocity", "lyapunov")))
+
+
+def attractor_sentences(attractors: Sequence[Attractor]) -> Iterator[str]:
+    """Yield the content of a list of attractors: one per line, with the share of the initial conditions."""
+    yield f"{counted(len(attractors), 'attractor')} found; shares of the initial conditions:"
+    for one, name in zip(attractors, distinct_names(attractors), strict=True):
+        yield _attractor(name, one.share, one.max_velocity, one.lyapunov)
+    undecided = 1.0 - sum(one.share for one in attractors)
+    if undecided > 1e-9:
+        yield f"  {100 * undecided:.3g} % undecided: neither a cycle nor certain chaos; raise `sample_impacts`"
+
+
+def _attractor(name: str, share: float, hardest: float, exponent: float) -> str:
+    hits = f", hardest hit {hardest:.4g} m/s" if math.isfinite(hardest) else ""
+    rate = f", largest exponent {exponent:.4g} 1/s" if math.isfinite(exponent) else ""
+    return f"  {100 * share:.3g} % {name}{hits}{rate}"
 
 
 def _comparison(dataset: xr.Dataset) -> Iterator[str]:

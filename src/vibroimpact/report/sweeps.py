@@ -83,6 +83,8 @@ def _index(field: xr.DataArray, axes: list[str], scale: float) -> str:
     rounding = ROUNDING * spread_scale(str(field.name), scale)  # a smaller spread is that of a cycle
     field = field.where(~(np.abs(field) <= rounding), 0.0).assign_attrs(field.attrs)
     head = f"{field.attrs['long_name']} ({field.name})"
+    if "no_value" in field.attrs:
+        return f"{head}: no value; {field.attrs['no_value']}"
     values = field.where(np.isfinite(field)).assign_attrs(field.attrs)
     if not np.isfinite(field).any():
         return f"{head}: no cell has a finite value"

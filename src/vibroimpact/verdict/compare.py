@@ -226,7 +226,7 @@ def compare(
     units: Mapping[str, str] | None = None,
     tolerances: Tolerances | None = None,
     workers: int | None = None,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
 ) -> Comparison:
     """Compare two designs side by side: parameters, motion, every index, boundaries, ways to soften the impacts.
 
@@ -238,7 +238,8 @@ def compare(
         Their names; not the same.
     parameters, within, units, tolerances, workers
         As in `describe`.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a bar; a callable gets (parts done, parts in all, None) and stops the computation by returning False.
 
     Returns

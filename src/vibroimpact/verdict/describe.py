@@ -148,14 +148,15 @@ class Verdict(Shown):
             "advice": [asdict(advice) for advice in self.advice],
             "complete": self.complete,
         }
-        return {name: _plain(value) for name, value in content.items()}
+        return {name: plain(value) for name, value in content.items()}
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """Return content ready for JSON: NaN as None, infinity as "inf" or "-inf"."""
     if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
+        return {key: plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None if math.isnan(value) else "inf" if value > 0.0 else "-inf"
     return value
@@ -169,7 +170,7 @@ def describe(
     units: Mapping[str, str] | None = None,
     tolerances: Tolerances | None = None,
     workers: int | None = None,
-    progress: bool | Report = False,
+    progress: bool | Report | None = None,
 ) -> Verdict:
     """Describe the motions of a design, the distance to other motions, and the changes that soften its impacts.
 
@@ -191,7 +192,8 @@ def describe(
         Numerical tolerances.
     workers : int, optional
         Threads; None means one per core. The verdict does not depend on it.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a bar; a callable gets (parts done, parts in all, None) and stops the computation by returning False:
         the verdict then holds what was found by then.
 

@@ -1,0 +1,63 @@
+"""The command that lists the motions that coexist at one design."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from vibroimpact.cli import output
+from vibroimpact.cli import schema as o
+from vibroimpact.cli.endings import Interrupted, refusing
+from vibroimpact.cli.options import Options, with_options
+from vibroimpact.cli.study import study_of
+from vibroimpact.progress import Meter, duration
+
+if TYPE_CHECKING:
+    from vibroimpact.coexistence import Attractor
+    from vibroimpact.model import Model
+
+
+@with_options(o.MODEL, o.TRANSIENT_IMPACTS, o.BASIN_IMPACTS, o.BACKEND, o.TOLERANCE, o.WORKERS, o.JSON)
+def attractors(options: Options) -> None:
+    """Which motions coexist, and the share of the initial conditions that lead to each.
+
+    The initial conditions are 256 impacts, spread over phases and velocities.
+    Ctrl-C keeps what is finished.
+
+    For example:
+
+      vibroimpact attractors -p omega=1.45
+      vibroimpact attractors --model impact_damper -p clearance=4mm
+      vibroimpact attractors --model two_sided_oscillator --json
+    """
+    study = study_of(options)
+    import vibroimpact
+
+    with Meter("initial conditions", opening=study.announce) as meter, refusing():
+        found = vibroimpact.attractors(study.model, progress=meter, **study.arguments("attractors"))
+    if options["json"]:
+        typer.echo(output.as_json(_content(study.model, found)))
+    else:
+        from vibroimpact.report import attractor_sentences
+
+        for line in (*attractor_sentences(found), f"computed in {duration(meter.seconds)}"):
+            typer.echo(line)
+    if meter.stopped:
+        raise Interrupted("interrupted; what was found so far is shown")
+
+
+def _content(model: Model, found: list[Attractor]) -> dict[str, Any]:
+    """Return attractors as plain dictionaries, lists, numbers and text."""
+    from vibroimpact.verdict.describe import plain
+
+    design = model.at()
+    rows = [
+        {"name": each.name, **{part.name: getattr(each, part.name) for part in fields(each) if part.name != "orbit"}}
+        for each in found
+    ]
+    for row in rows:
+        row |= {"start": vars(row["start"]), "status": row["status"].word}
+    content: dict[str, Any] = plain({design.kind: design.plain(), "attractors": rows})
+    return content
