@@ -65,9 +65,9 @@ def room_for(layout: Layout) -> Room:
 def alone_for(layout: Layout) -> closing.Alone:
     """Return the workspace in which a cycle is followed."""
     k, size = layout._replace(thorough=True, wary=False, forceful=False, draining=False), 2 * layout.modes
-    lanes, note = aligned(k.rows * LANES), np.zeros(noted(k))
+    lanes, notes, note = aligned(k.rows * LANES), aligned(noted(k) * LANES), np.zeros(noted(k))
     (start, end), matrices, (d, moved) = np.zeros((2, k.rows)), np.zeros((3, size, size)), np.zeros((2, size))
-    return closing.Alone(k, lanes, start, end, note, matrices[0], matrices[1], matrices[2], d, moved)
+    return closing.Alone(k, lanes, notes, start, end, note, matrices[0], matrices[1], matrices[2], d, moved)
 
 
 class SystemSweep:

@@ -19,7 +19,7 @@ from numba import types
 from vibroimpact.kernels.cycle import UNRESOLVED
 from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import copy, rare
-from vibroimpact.kernels.systems.event import lift, lower, occur, walk_on
+from vibroimpact.kernels.systems.event import go_on, lift, lower, lower_alike, occur, walk_on
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.march import (
     ADDED,
@@ -60,10 +60,11 @@ NOT_SUMS = FIRST, LARGEST, PEAK, BEFORE, RESTING, MISS, TURNED  # among the numb
 
 
 class Alone(NamedTuple):
-    """Room to walk a cycle: a layout with a deviation; lanes; start, end, note; M, two matrices; d, a vector."""
+    """Room to walk a cycle: a layout with a deviation; lanes, notes; start, end, note; M, two matrices; d, a vector."""
 
     layout: Any
     lanes: Any
+    notes: Any
     start: Any
     end: Any
     note: Any
@@ -75,15 +76,23 @@ class Alone(NamedTuple):
 
 
 @rare
-def _advance(rows, k, room, note, window, impacts):
+def _advance(rows, k, room, note, window, alone, impacts):
     """Take the cell on by so many recorded impacts; return whether it came exactly so far."""
-    until = note[HITS] + impacts
+    lanes, notes, until = alone.lanes, alone.notes, note[HITS] + impacts
+    lower_alike(lanes, rows, k.constants)
+    lower_alike(notes, note, len(note))
     for _ in range(WALK):
-        walk_on(rows, k, None)
-        if rows[k.hit] != NOTHING:
+        go_on(lanes, notes, k, window)
+        if lanes[k.hit * LANES] != NOTHING:
+            lift(lanes, 0, rows, k.fixed)
+            lift(notes, 0, note, len(note))
             occur(rows, k, room, note, window)
-        if note[HITS] >= until or rows[k.lawless] > 0.0:
+            lower_alike(lanes, rows, k.constants)
+            lower_alike(notes, note, len(note))
+        if notes[HITS * LANES] >= until or lanes[k.lawless * LANES] > 0.0:
             break
+    lift(lanes, 0, rows, k.fixed)
+    lift(notes, 0, note, len(note))
     return note[HITS] == until and rows[k.lawless] == 0.0
 
 
@@ -296,15 +305,17 @@ def _skip(rows, k, note, alone, times, periods):
 @deferred("pressed motions", 0.6, types.boolean)
 def stays_pressed(rows, k, room, note, window, alone):
     """Return whether a pressed cell comes back to a state without an impact; see `pressed`."""
-    work, begun = alone.end, alone.start
+    lanes, work, begun = alone.lanes, alone.end, alone.start
     copy(rows, work)
     copy(note, alone.note)
     begun[k.which] = -1.0
     for _ in range(WALK):
         if work[k.turn + 2] > rows[k.turn + 2] + LONGEST:
             return False
-        walk_on(work, k, None)
-        if work[k.hit] == NOTHING:
+        lower_alike(lanes, work, k.constants)
+        walk_on(lanes, k, 0)
+        lift(lanes, 0, work, k.fixed)
+        if lanes[k.hit * LANES] == NOTHING:
             continue
         pushed = work[k.kind + int(work[k.which])] >= CLOSED
         occur(work, k, room, alone.note, window)
@@ -334,7 +345,7 @@ def close(rows, k, room, note, window, alone):
     note[RETURNED], note[WATCHED] = 0.0, -math.inf
     if note[ADDED] > 0.0 or (2.0 * k.modes + 6.0) * impacts + 3.0 > total - note[HITS]:
         return  # too little would be gained
-    if not _advance(rows, k, room, note, window, 1.0):
+    if not _advance(rows, k, room, note, window, alone, 1.0):
         return
     periods, place = _certain(rows, k, room, note, window, alone, impacts), note[HITS]
     if periods > 0.0 and k.thorough:
@@ -352,13 +363,13 @@ def close(rows, k, room, note, window, alone):
             to = _ready(note, impacts, place, unnamed, transient + 1.0 if bound == total else 0.0)
             if to == note[HITS] or to + 2.0 * impacts > bound:
                 break
-            if not _advance(rows, k, room, note, window, to - note[HITS]):
+            if not _advance(rows, k, room, note, window, alone, to - note[HITS]):
                 return
         if to > note[HITS] or to + 2.0 * impacts > bound or (k.thorough and note[IMPACTS] == 0.0):
             continue
         note[REFERENCE] = total  # the reference stays: what has come back keeps its name
         copy(note, alone.note)
-        if not _advance(rows, k, room, note, window, impacts):
+        if not _advance(rows, k, room, note, window, alone, impacts):
             return
         times = int((bound - note[HITS] - (bound == total)) / impacts)
         if k.thorough and bound == total:

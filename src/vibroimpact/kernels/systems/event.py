@@ -50,6 +50,13 @@ def lower(lanes, lane, cell, number):
         lanes[row * LANES + lane] = cell[row]
 
 
+@inner
+def lower_alike(lanes, cell, number):
+    """Copy so many numbers of a cell into all lanes: none of them then does what the cell does not."""
+    for row in range(number):
+        put(lanes, row, 0, cell[row])
+
+
 @deferred("impacts beside the usual", 3, by_kind=True)
 def _occur(rows, k, room, note, window):
     """Make what ended the step of one cell, and sum it up."""
