@@ -20,7 +20,7 @@ from vibroimpact.coexistence.settling import clusters
 from vibroimpact.coexistence.striking import SAME, SettledMotion
 from vibroimpact.motion import Motion
 from vibroimpact.orbits import same_orbit
-from vibroimpact.orbits.orbit import Impacts
+from vibroimpact.orbits.distance import Impacts
 from vibroimpact.orbits.sticking import find_sticking_orbit
 
 TWO = vi.ImpactOscillator(omega=3.0)  # a cycle and a sticking orbit

@@ -9,8 +9,8 @@ import vibroimpact as vi
 from designs import random_designs
 from vibroimpact.orbits import orbit_distance, same_orbit
 from vibroimpact.orbits.admissibility import contacts
+from vibroimpact.orbits.distance import Impacts
 from vibroimpact.orbits.equations import Cycle, Flight, parameters_of
-from vibroimpact.orbits.orbit import Impacts
 
 
 def random_oscillator(rng, **fixed):

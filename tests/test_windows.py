@@ -6,7 +6,7 @@ import pytest
 import vibroimpact as vi
 from vibroimpact.continuation.windows import follow_all, stable_windows, swept_windows
 from vibroimpact.orbits import same_orbit
-from vibroimpact.orbits.orbit import Impacts
+from vibroimpact.orbits.distance import Impacts
 
 OSC = vi.ImpactOscillator()
 RANGE = (0.4, 5.0)

@@ -25,8 +25,6 @@ from vibroimpact.parameters import (
 
 ENDS = ("from", "to", "points")  # of an axis
 
-# Checks
-
 
 def _whole(least: int) -> Callable[[str, Any], int]:
     return lambda name, value: whole_number(name, value, least)

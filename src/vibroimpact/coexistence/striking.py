@@ -38,7 +38,7 @@ from vibroimpact.coexistence.measuring import AT_REST, EQUAL, SPREAD, Runner, ca
 from vibroimpact.coexistence.settling import Settled, chaotic_groups, cycle_groups
 from vibroimpact.model import Model, State
 from vibroimpact.motion import MotionClass
-from vibroimpact.orbits.orbit import Impacts, points_of, same_orbit
+from vibroimpact.orbits.distance import Impacts, points_of, same_orbit
 from vibroimpact.orbits.systems import SystemOrbit, ended, find_near
 from vibroimpact.orbits.systems.orbit import cycle_of
 

@@ -16,7 +16,8 @@ from vibroimpact.continuation.bifurcations import switch_branch
 from vibroimpact.continuation.branch import continue_orbit
 from vibroimpact.continuation.results import Branch
 from vibroimpact.motion import cycle_name
-from vibroimpact.orbits.orbit import Orbit, orbit_distance, same_orbit
+from vibroimpact.orbits.distance import orbit_distance, same_orbit
+from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.search import find_orbit
 from vibroimpact.progress import Report
 

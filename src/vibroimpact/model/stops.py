@@ -293,3 +293,14 @@ def warn_of_short_contacts(stops: Sequence[Stop], mass: NDArray[np.float64], per
             struck = 1.0 / (stop.direction @ np.linalg.solve(mass, stop.direction))
             if words := stop.element.too_short(struck, period):
                 warnings.warn(f"a contact with {stop.name!r} {words}", stacklevel=4)
+
+
+def check_in_front(stops: Sequence[Stop], beyond: Any, most: Any, what: str, time: float) -> None:
+    """Raise if a place is beyond rigid stops by more than so much; `what` begins the message."""
+    places = [
+        f"{stop.name!r} by {depth:.3g} m"
+        for stop, depth, least in zip(stops, beyond, most, strict=True)
+        if stop.element.impenetrable and depth > least
+    ]
+    if places:
+        raise ValueError(f"{what} beyond {' and '.join(places)} at time {time:g}; start in front of them")

@@ -21,8 +21,8 @@ from vibroimpact.dataset import model_of, start_of
 from vibroimpact.model import Model, State
 from vibroimpact.motion import NAMING, Motion, MotionClass, decide, may_wind
 from vibroimpact.orbits import one_mass
+from vibroimpact.orbits.distance import Impacts, orbit_distance, points_of
 from vibroimpact.orbits.equations import Cycle
-from vibroimpact.orbits.orbit import Impacts, orbit_distance, points_of
 from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits
 from vibroimpact.parameters import counted
 from vibroimpact.status import Status

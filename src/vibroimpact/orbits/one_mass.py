@@ -18,9 +18,10 @@ from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.orbits import newton
 from vibroimpact.orbits.admissibility import contacts
+from vibroimpact.orbits.distance import Impacts, same_orbit
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
 from vibroimpact.orbits.newton import Solved
-from vibroimpact.orbits.orbit import Impacts, Orbit, from_hardest, make_orbit, same_orbit, solution_of, true_cycle
+from vibroimpact.orbits.orbit import Orbit, from_hardest, make_orbit, solution_of, true_cycle
 from vibroimpact.orbits.results import Guess, Orbits, lost, ordered, other_name
 from vibroimpact.parameters import invalid, real_number
 

@@ -9,8 +9,9 @@ from typing import Any
 
 from vibroimpact.model import Model, check_model
 from vibroimpact.orbits import one_mass
+from vibroimpact.orbits.distance import orbit_distance
 from vibroimpact.orbits.near import orbit_near, state_of
-from vibroimpact.orbits.orbit import family_of, orbit_distance
+from vibroimpact.orbits.orbit import family_of
 from vibroimpact.orbits.results import IMPACTS, Guess, Orbits, numbers_of, ordered
 from vibroimpact.parameters import invalid, truth, whole_number
 from vibroimpact.progress import reporter

@@ -18,7 +18,7 @@ from vibroimpact.coexistence.striking import solved
 from vibroimpact.continuation.branch import walk
 from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import Way
-from vibroimpact.orbits.orbit import Impacts
+from vibroimpact.orbits.distance import Impacts
 from vibroimpact.orbits.systems import ended
 from vibroimpact.verdict.present import MOST_IMPACTS, Coexisting, Present, stable_cycle
 from vibroimpact.verdict.ranges import Range

@@ -19,7 +19,8 @@ from vibroimpact.model import Model, State
 from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.motion.recognition import recognise
 from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
-from vibroimpact.orbits.orbit import Impacts, family_of
+from vibroimpact.orbits.distance import Impacts
+from vibroimpact.orbits.orbit import family_of
 
 STEP_LIMIT = 1 << 29  # certified steps of one mass around a motion: five times those of the dearest of usual designs
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from

@@ -24,8 +24,8 @@ import numpy as np
 
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.admissibility import ROUNDING
+from vibroimpact.orbits.distance import Impacts, same_orbit
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.orbit import Impacts, same_orbit
 from vibroimpact.orbits.systems.admissibility import courses
 from vibroimpact.orbits.systems.closed_form import EPS, VANISHED, not_isolated, nowhere, unforced
 from vibroimpact.orbits.systems.common_zeros import NODES, common_zeros

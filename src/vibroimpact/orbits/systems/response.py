@@ -61,7 +61,7 @@ def observed(system: ImpactSystem, of: Any) -> tuple[Floats, int | None]:
     `of` is the name of a point or of a stop, the number of a coordinate from 0 on, or a row of factors; None means the
     only coordinate or point.
     """
-    n, points, stops = system.coordinates, dict(getattr(system, "points", {})), system.stop_names
+    n, points, stops = system.coordinates, system.points, system.stop_names
     names = [*points, *stops]
     if of is None and 1 in (n, len(points)):
         of = 0 if n == 1 else next(iter(points))

@@ -16,8 +16,9 @@ from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import cycle_name
 from vibroimpact.motion.recognition import cycle_length
 from vibroimpact.orbits import equations
+from vibroimpact.orbits.distance import same_orbit
 from vibroimpact.orbits.equations import SAME
-from vibroimpact.orbits.orbit import same_orbit, true_cycle
+from vibroimpact.orbits.orbit import true_cycle
 from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits, lost, numbers_of, ordered, other_name
 from vibroimpact.orbits.systems.closed_form import one_impact
 from vibroimpact.orbits.systems.cycle import Cycle
