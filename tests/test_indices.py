@@ -558,7 +558,7 @@ def test_hysteresis_shows_in_the_names_of_up_and_down_sweeps():
         (vi.family(vi.models.bilinear_oscillator), {"frequency": [10.0, 12.0]}, set()),
         (vi.family(vi.models.two_sided_oscillator), {"frequency": [24.0, 25.0]}, {"max_force"}),
     ],
-    ids=lambda value: str(value).partition("(")[0],
+    ids=["one mass", "one compliant stop", "two rigid stops"],
 )
 def test_all_indices_are_those_of_every_model_and_those_that_it_lacks_are_nan_with_the_reason(
     model, axis, absent, tmp_path
