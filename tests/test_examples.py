@@ -89,6 +89,7 @@ UNRUN = {
     "import numpy as np\nimport vibroimpact as vi\nfrom dask": "needs a cluster",
     "import vibroimpact as vi\n\ntube = vi.models.tube_in_many_supports": "makes a picture: `make figures` runs it",
     "import matplotlib.pyplot as plt\nimport numpy as np\nimport vibroimpact as vi\n\nsprings": "as above",
+    "import vibroimpact as vi\n\nspring = vi.Stop": "as above",
     "vi.explore(": "serves until it is stopped",
     "491,678 of": "progress of a run that takes minutes",
     "220 s elapsed": "as above",

@@ -232,7 +232,7 @@ def test_points_are_kept_by_copies_files_and_families(tmp_path):
     assert system.replace(floor_gap=2.0).points["toe"].tolist() == [3.0, -1.0]
     unnamed = vi.ImpactSystem.from_modes(**modes)
     assert list(unnamed.points) == ["point_1", "point_2"]
-    motion = vi.simulate(system, start=vi.State([0.1, 0.2]), periods=1)
+    motion = vi.simulate(system, start=vi.State([0.1, 0.2]), duration=6.0)
     vi.save(motion, tmp_path / "motion.nc")
     from vibroimpact.dataset import model_of
 

@@ -177,7 +177,13 @@ def test_free_vibration_is_called_one_of_a_continuum_and_never_stable():
         ({"force": vi.Force(omega=2.0, harmonics={1: 1.0})}, "it has a load"),
         ({"stops": [vi.Stop(direction=1, gap=0.1, restitution=0.9, name="wall")]}, "'wall' is not elastic"),
         ({"stops": [vi.Stop(direction=1, gap=0.1, stiffness=9.0, damping=0.1, name="wall")]}, "'wall' is not elastic"),
-        ({"stops": [vi.Stop(direction=1, gap=0.1, stiffness=9.0, motion={1: 0.01}, name="wall")]}, "'wall' moves"),
+        (
+            {
+                "force": vi.Force(omega=1.0),
+                "stops": [vi.Stop(direction=1, gap=0.1, stiffness=9.0, motion={1: 0.01}, name="wall")],
+            },
+            "'wall' moves",
+        ),
     ],
 )
 def test_an_energy_is_refused_where_the_energy_is_not_constant(changes, why):

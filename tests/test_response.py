@@ -68,7 +68,7 @@ def test_the_response_of_an_orbit_is_that_of_its_simulated_motion(model):
 
     phasor = 2j * mean(y * np.exp(-1j * design.omega * time))
     sampled = 0.5 * np.ptp(y), math.sqrt(mean(y**2)), mean(y), abs(phasor), np.angle(phasor)
-    response = vi.response_of(orbit, None if design.forgets else design.coordinates - 1)
+    response = vi.response_of(orbit, of=None if design.forgets else design.coordinates - 1)
     assert np.allclose(response, sampled, rtol=2e-6, atol=2e-6 * response.amplitude)
 
 
@@ -173,7 +173,7 @@ def test_the_phase_resonance_of_the_beam_with_a_spring_is_that_of_harmonic_balan
         rate = order * orbit.model.omega
         load = force[order] * spring - (0.5j * 20.0 * tip if order == 1 else 0.0)
         balanced.append(np.linalg.solve(stiffness - rate**2 * mass + 1j * rate * damping, load)[12])
-    response = vi.response_of(orbit, 12)
+    response = vi.response_of(orbit, of=12)
     assert balanced[0].real == pytest.approx(response.mean, rel=1e-6)
     assert 2j * balanced[1] == pytest.approx(cmath.rect(response.harmonic_amplitude, response.harmonic_phase), rel=1e-6)
     assert math.sqrt(abs(balanced[0]) ** 2 + 2.0 * (np.abs(balanced[1:]) ** 2).sum()) == pytest.approx(

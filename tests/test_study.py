@@ -113,7 +113,7 @@ def test_values_of_the_caller_take_the_place_of_those_in_the_file(write):
 
 
 def test_axes_of_the_caller_replace_all_of_the_file(write):
-    study = read_study(write(DESIGN), x="gap=0:1:2")
+    study = read_study(write(DESIGN), x=["gap=0:1:2"])
     assert list(study.axes) == ["gap"]
 
 

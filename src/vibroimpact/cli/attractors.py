@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from vibroimpact.model import Model
 
 
+UNTOLD = ("model", "known_orbit")  # of an attractor in JSON: the model is told once
+
+
 @with_options(o.MODEL, o.TRANSIENT_IMPACTS, o.BASIN_IMPACTS, o.BACKEND, o.TOLERANCE, o.WORKERS, o.JSON)
 def attractors(options: Options) -> None:
     """Which motions coexist, and the share of the initial conditions that lead to each.
@@ -54,7 +57,7 @@ def _content(model: Model, found: list[Attractor]) -> dict[str, Any]:
 
     design = model.at()
     rows = [
-        {"name": each.name, **{part.name: getattr(each, part.name) for part in fields(each) if part.name != "orbit"}}
+        {"name": each.name, **{part.name: getattr(each, part.name) for part in fields(each) if part.name not in UNTOLD}}
         for each in found
     ]
     for row in rows:

@@ -149,7 +149,7 @@ def continue_orbit(
     [0.556889, 0.696221]
     """
     _check_orbit(orbit)
-    of_energy = parameter == ENERGY.name and parameter not in orbit.model.parameters
+    of_energy = isinstance(parameter, str) and parameter == ENERGY.name and parameter not in orbit.model.parameters
     changes = orbit.oscillator.energy_changes
     if of_energy and changes:
         raise ValueError(f"`parameter` must not be {parameter!r}, since the energy is not constant: {changes}")

@@ -85,7 +85,7 @@ class ResponseCurve(Shown):
             "special_kind": kind_variable("special", [point.kind for point in special]),
             "special_value": axis(self.model, self.parameter, "special", [point.value for point in special]),
         }
-        of_special = _responses("special", [response_of(point.orbit, self.of) for point in special])
+        of_special = _responses("special", [response_of(point.orbit, of=self.of) for point in special])
         content |= {f"special_{name}": column for name, column in of_special.items()}
         values = np.concatenate([part.values for part in points])
         attrs = provenance("response_curve", self.model, self.arguments) | {"message": self.message}
@@ -99,7 +99,7 @@ class ResponseCurve(Shown):
         return rows, np.zeros(len(rows), int), np.ones(len(rows), int)
 
     def _of_orbits(self, at: int, branch: Branch) -> _Points:
-        rows = [response_of(orbit, self.of) for orbit in branch.orbits]
+        rows = [response_of(orbit, of=self.of) for orbit in branch.orbits]
         impacts, stable = np.array([(orbit.n_impacts, orbit.stable) for orbit in branch.orbits]).T
         return _Points(at, branch.values, rows, impacts, stable)
 
@@ -192,11 +192,11 @@ def response_curve(
     if len(axes) != 1:
         raise invalid("axes", tuple(axes), "exactly one parameter with its range", "for example omega=(1.0, 2.0)")
     ((parameter, ends),) = axes.items()
-    ends, longest = check_range(model, parameter, ends, None), check_share("step", step)
-    observed(_system(model), of)
     form = _system(model).modal()
     if not (form.forces.any() or form.motions.any()):
         raise ValueError("the model has no periodic load and no moving stop; a response curve needs one")
+    ends, longest = check_range(model, parameter, ends, None), check_share("step", step)
+    observed(_system(model), of)
     values = _grid(model, parameter, ends, longest)
     free, touching = _without_contact(model, parameter, values)
     with reporter(progress, "orbits") as report:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from vibroimpact.model.force import Force
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.results import Orbits
@@ -47,6 +48,8 @@ def find_of_energy(design: Any, energy: Any, mode: Any) -> Orbits[SystemOrbit]:
         hint = "an orbit of a given energy needs a system without damping, load and loss at its stops"
         raise ValueError(f"`energy` was given, but the energy of the motion is not constant: {why}; {hint}")
     system: ImpactSystem = design.system if design.forgets else design
+    if not system.periodic:  # each orbit has a frequency of its own
+        system = ImpactSystem(**system.arguments() | {"force": Force(omega=1.0)})
     joules = real_number("energy", energy, "a number > 0, in J")
     if joules <= 0.0:
         raise invalid("energy", energy, "a number > 0, in J")

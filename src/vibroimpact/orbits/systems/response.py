@@ -109,7 +109,7 @@ def _integrals(begin: float, samples: Samples, series: Floats) -> Any:
     return 0.5 * step * (rows.sum(axis=-1) @ WEIGHTS)
 
 
-def response_of(orbit: Any, of: Any = None) -> Response:
+def response_of(orbit: Any, *, of: Any = None) -> Response:
     """Return how far a point or a coordinate swings on a periodic orbit.
 
     Parameters
