@@ -222,6 +222,7 @@ def main() -> None:
         measured[name] = float(value)
         verdict = "met" if value < TARGETS[name] else "MISSED"
         print(f"{name:46s} {value:8.0f}   must be below {TARGETS[name]:.0f}   {verdict}", flush=True)
+
     with serving() as (address, pid), sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
         loads = []
