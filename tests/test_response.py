@@ -190,12 +190,20 @@ def test_one_mass_has_the_same_curve_as_an_oscillator_and_as_a_system():
     assert largest[0] == pytest.approx(largest[1], rel=1e-3)
 
 
+def test_a_gap_may_be_varied_through_zero_and_below():
+    curve = vi.response_curve(vi.ImpactOscillator(damping=0.1, omega=1.5), gap=(-1.0, 0.0), step=0.1)
+    assert curve.steady == []
+    assert curve.dataset["gap"].values.max() == 0.0
+    assert [(point.kind, round(point.value, 9)) for point in curve.special] == [("grazing", -0.257699957)]
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
         (lambda: vi.response_curve(soft()), "exactly one parameter with its range"),
         (lambda: vi.response_curve(soft(), omega=(2.0, 1.0)), "a lower number before a higher one"),
         (lambda: vi.response_curve(vi.ImpactSystem(mass=1, stiffness=1), omega=(0.5, 1.0)), "no periodic load"),
+        (lambda: vi.response_curve(vi.ImpactOscillator(gap=-50.0), omega=(0.05, 0.06), step=0.2), "no periodic motion"),
         (lambda: vi.response_curve(soft(), of="tip", omega=(0.5, 1.0)), "unknown point or stop 'tip'"),
         (lambda: vi.response_curve(soft(), of=3, omega=(0.5, 1.0)), "`of`"),
         (lambda: vi.response_curve(vi.models.impact_damper(), omega=(5.0, 6.0)), "`of` must be one of"),

@@ -35,4 +35,4 @@ def response(options: Options) -> None:
         curve = vibroimpact.response_curve(
             study.model, of=what, step=options.value("step"), progress=meter, **{parameter: span}
         )
-    output.finish(curve.dataset, options, meter)
+    output.finish(curve.dataset, options, meter, units=study.units)

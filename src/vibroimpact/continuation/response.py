@@ -138,7 +138,7 @@ def _responses(dim: str, rows: list[Response]) -> dict[str, Any]:
 
 
 def response_curve(
-    model: Model, *, of: Any = None, step: float = 0.01, progress: bool | Report = False, **axes: Range
+    model: Model, *, of: Any = None, step: float = 0.01, progress: bool | Report | None = None, **axes: Range
 ) -> ResponseCurve:
     """Follow how far a forced system swings along one parameter, with its folds and where contact begins.
 
@@ -154,7 +154,8 @@ def response_curve(
         What is observed, as in `response_of`: a point, a stop (its clearance) or a coordinate.
     step : float, 1e-6 to 0.5
         Longest step along branches, as in `continue_orbit`, and share of the range between steady motions.
-    progress : bool or callable
+    progress : bool or callable, optional
+        None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a count; a callable gets (orbits done, None, None) and stops the computation by returning False.
     **axes : tuple of two float
         One parameter and its lowest and highest value, such as ``omega=(280, 340)``.
@@ -201,6 +202,11 @@ def response_curve(
     free, touching = _without_contact(model, parameter, values)
     with reporter(progress, "orbits") as report:
         branches = _branches(model, parameter, ends, touching, longest, report)
+    if not (free or branches):
+        raise ValueError(
+            f"no periodic motion was found along {parameter} from {ends[0]:.6g} to {ends[1]:.6g}, neither without "
+            "contact nor with one impact a period; a bifurcation_diagram shows what the system does"
+        )
     message = (
         f"{counted(len(free), 'part')} without contact and {counted(len(branches), 'part')} with contact, along "
         f"{parameter} from {ends[0]:.6g} to {ends[1]:.6g}"
@@ -247,8 +253,9 @@ def _without_contact(model: Model, parameter: str, values: Floats) -> tuple[list
             free[-1].append(low)
         if (before >= 0.0) == (after >= 0.0):
             continue
-        finite = math.isfinite(before) and math.isfinite(after)
-        graze = float(brentq(margin, low, high, xtol=1e-14 * high)) if finite else (low if before >= 0.0 else high)
+        graze = low if before >= 0.0 else high
+        if math.isfinite(before) and math.isfinite(after):
+            graze = float(brentq(margin, low, high, xtol=1e-14 * (values[-1] - values[0])))
         if before >= 0.0:
             free[-1].append(graze)
             touching.append([graze])

@@ -19,11 +19,8 @@ from vibroimpact.model.force import check_length
 from vibroimpact.model.modal import ModalForm
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.orbit import solution_of
 from vibroimpact.orbits.systems.admissibility import TERMS, Samples, sampled, series_of, turning_points
-from vibroimpact.orbits.systems.cycle import Cycle, Leg
-from vibroimpact.orbits.systems.events import impacts_on
-from vibroimpact.orbits.systems.flow import Flow
+from vibroimpact.orbits.systems.cycle import Leg
 from vibroimpact.orbits.systems.orbit import cycle_of
 from vibroimpact.parameters import invalid, whole_number
 from vibroimpact.parameters import unknown as unknown_name
@@ -143,22 +140,11 @@ def response_of(orbit: Any, *, of: Any = None) -> Response:
     >>> f"{response.mean:.6f} m, plus and minus {response.amplitude:.6f} m"
     '-0.455758 m, plus and minus 0.394981 m'
     """
-    cycle, unknown = _cycle_of_one(orbit) if orbit.oscillator.forgets else cycle_of(orbit)
-    system = orbit.oscillator.system if orbit.oscillator.forgets else orbit.oscillator
-    row, stop = observed(system, of)
+    (cycle, unknown), (row, stop) = cycle_of(orbit), observed(orbit.system, of)
     flow = cycle.flow
     bounds = np.zeros(flow.bounds.shape[1]) if stop is None else flow.bounds[stop] * flow.lengths[stop]
     legs = [(float(unknown[i]), cycle.leg(unknown, i)) for i in range(len(cycle.events))]
     return over(legs, np.append(row @ flow.physical[: flow.n], bounds))
-
-
-def _cycle_of_one(orbit: Any) -> tuple[Cycle, Floats]:
-    """Return the cycle of an orbit of one mass as that of a system, and its unknown."""
-    orbit.check_flies()
-    flow, (whole, z) = Flow(orbit.oscillator.system), solution_of(orbit)
-    p = whole.n_impacts
-    state = np.linalg.solve(flow.physical, [orbit.oscillator.gap, z[p]])
-    return Cycle(flow, orbit.n_periods, impacts_on((0,) * p)), np.append(TURN * z[:p], state)
 
 
 class Steady(NamedTuple):
