@@ -18,7 +18,7 @@ import pytest
 from numba.core.event import Event, EventStatus
 
 import vibroimpact as vi
-from processes import python
+from processes import python, until
 from vibroimpact import beside, compiling, progress, warming
 from vibroimpact.execution import threads
 from vibroimpact.execution.threads import worker_count
@@ -140,6 +140,18 @@ class Terminal(io.StringIO):
         return True
 
 
+def shown_at_once(stream):
+    """Return a report after which the thread that shows it has its turn, however short the computation is."""
+    report = progress.Passing.__call__
+
+    def reported(line, *news):
+        report(line, *news)
+        shown = len(stream.getvalue())
+        until(lambda: len(stream.getvalue()) > shown)
+
+    return reported
+
+
 @pytest.fixture
 def said(monkeypatch):
     """Run a call on a terminal, without patience; return the lines that passed."""
@@ -151,6 +163,7 @@ def said(monkeypatch):
         stream = stream or Terminal()
         with monkeypatch.context() as within:
             within.setattr(sys, "stderr", stream)
+            within.setattr(progress.Passing, "__call__", shown_at_once(stream))
             call()
         return [line for line in stream.getvalue().split("\r") if line.strip()]
 
@@ -246,7 +259,8 @@ def test_what_a_kernel_is_interrupted_at_is_compiled_before_the_interrupt_is_fel
         "except KeyboardInterrupt:\n"
         "    print('felt', len(vi.impact_section(vi.models.impact_damper()).impact) > 0)\n"
     )
-    assert python(code, env=with_cache(tmp_path)).stdout == "felt True\n"
+    ended = python(code, env=with_cache(tmp_path))
+    assert (ended.stdout, ended.returncode) == ("felt True\n", 0), ended.stderr
 
 
 def test_an_interrupt_that_comes_as_a_kernel_asks_for_a_part_is_felt_later(monkeypatch):
@@ -260,8 +274,10 @@ def test_an_interrupt_that_comes_as_a_kernel_asks_for_a_part_is_felt_later(monke
                 signal.raise_signal(signal.SIGINT)
             assert (later, felt) == ([], [])
         assert (later, felt) == ([signal.SIGINT], [])
-        handler = signal.getsignal(signal.SIGINT)
-        handler(signal.SIGINT, SimpleNamespace(f_code=deferred._address.__code__))
+        asked = SimpleNamespace(f_code=deferred._address.__code__, f_back=None)
+        # asked for a part, it waits for the thread that raises the signal later
+        waits = SimpleNamespace(f_code=threading.Thread.start.__code__, f_back=asked)
+        signal.getsignal(signal.SIGINT)(signal.SIGINT, waits)
         assert (later, felt) == ([signal.SIGINT] * 2, [])
         signal.raise_signal(signal.SIGINT)
         assert (later, felt) == ([signal.SIGINT] * 2, [signal.SIGINT])

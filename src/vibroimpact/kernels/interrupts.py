@@ -10,12 +10,11 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import CodeType
-from typing import Any
+from types import CodeType, FrameType
 
 LATER = 0.1  # s after which a kept signal is raised again
 
-within_kernels: list[CodeType] = []  # functions that kernels call, at whose beginning nothing may be raised
+within_kernels: list[CodeType] = []  # functions that kernels call, in which nothing may be raised
 
 _kept: list[int] | None = None  # signals that came while something is compiled
 
@@ -31,8 +30,8 @@ def uninterrupted() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, lambda number, frame: kept.append(number))
     before = signal.SIG_DFL if before is None else before
 
-    def felt(number: int, frame: Any) -> None:
-        if frame is not None and frame.f_code in within_kernels:
+    def felt(number: int, frame: FrameType | None) -> None:
+        if any(calling.f_code in within_kernels for calling in _callers(frame)):
             _raise_later(number)
             return
         signal.signal(signal.SIGINT, before)
@@ -45,6 +44,13 @@ def uninterrupted() -> Iterator[None]:
         signal.signal(signal.SIGINT, felt if kept else before)
         if kept:
             _raise_later(kept[0])
+
+
+def _callers(frame: FrameType | None) -> Iterator[FrameType]:
+    """Yield a frame and all that it was called from."""
+    while frame is not None:
+        yield frame
+        frame = frame.f_back
 
 
 def _raise_later(number: int) -> None:
