@@ -45,6 +45,15 @@ def no_rest(monkeypatch):
     monkeypatch.setattr(session, "LINE_DELAY", 0.0)
 
 
+def test_while_pages_are_open_a_motion_waits_for_no_search_each_time_it_comes_back_from_a_kernel():
+    """A thread in Python gives way after 5 ms by default; a motion calls tens of kernels."""
+    usual = sys.getswitchinterval()
+    pool = Pool(1)
+    assert sys.getswitchinterval() <= 1e-4 < usual
+    pool.close()
+    assert sys.getswitchinterval() == usual
+
+
 class Endless:
     """Stands for a search that stops only when its progress callback says so."""
 

@@ -163,7 +163,7 @@ def _bar() -> Progress:
 
 SECONDS = 5.0  # between plain lines about work of unknown length
 PULSE = 0.5  # s of silence on a terminal, after which it shows what one waits for
-SWITCH = 1e-4  # s, after which cells computed in Python give way to the thread that ends a stopped sweep
+SWITCH = 1e-4  # s, after which a thread in Python gives way to one that is urgent; the usual 5 ms add up
 
 
 class Meter:

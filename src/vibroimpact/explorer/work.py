@@ -18,6 +18,7 @@ from itertools import count
 from vibroimpact.compiling import clock
 from vibroimpact.execution.threads import worker_count
 from vibroimpact.explorer.plane import TRIED, KeepGoing, Plane, bands, sides
+from vibroimpact.progress import SWITCH
 
 Job = Callable[[], None]
 
@@ -65,6 +66,8 @@ class Pool:
         self._changed = threading.Condition()
         self._open = True
         self._clicked = -math.inf
+        self._switch_interval = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH)
         general = tuple(urgency for urgency in Urgency if urgency < Urgency.SEARCH)
         duties = [general] * self.workers + [(Urgency.CLICK,), (Urgency.SEARCH,)]
         self._threads = [
@@ -106,6 +109,7 @@ class Pool:
             self._changed.notify_all()
         for thread in self._threads:
             thread.join(5.0)
+        sys.setswitchinterval(self._switch_interval)
 
     def _work(self, duty: tuple[Urgency, ...], yields: bool) -> None:
         if duty != (Urgency.CLICK,):
