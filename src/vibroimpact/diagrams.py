@@ -21,6 +21,7 @@ from vibroimpact.backends import (
     check_takes,
     chosen_indices,
     get_backend,
+    observed_by,
 )
 from vibroimpact.cells import Cells
 from vibroimpact.dataset import dataset_of, flags, impact_speed, missing, status_variable, variable
@@ -55,6 +56,7 @@ def bifurcation_diagram(
     transient_periods: int = 200,
     sample_periods: int = 500,
     indices: Iterable[str] = (),
+    of: Any = None,
     start: State | None = None,
     coordinate: int = 0,
     tolerances: Tolerances | None = None,
@@ -84,6 +86,8 @@ def bifurcation_diagram(
     indices : names or "all"
         Indices of `parameter_map` to compute for each value as well, over `transient_impacts` and `sample_impacts` from
         the same initial condition; none by default.
+    of : str, int or sequence of n float, optional
+        What the indices of displacements are of, as in `parameter_map`.
     start : State, optional
         Initial condition of every value ("fresh") or of the first one; None means at rest at min(0, gap) at time 0.
     coordinate : int, >= 0
@@ -147,8 +151,9 @@ def bifurcation_diagram(
     check_takes(engine, design)
     if whole_number("coordinate", coordinate, 0) >= design.coordinates:
         raise invalid("coordinate", coordinate, f"less than the number of coordinates, {design.coordinates}")
-    measurement = Measurement(window, Tolerances.of(tolerances), indices=chosen)
-    request = Request(osc, axes, measurement, one_start(start), engine.sampler, time_step)
+    seen = observed_by(named, design, of) if named or of is not None else None
+    measurement = Measurement(window, Tolerances.of(tolerances), indices=chosen, of=seen)
+    request = Request(osc, axes, measurement, one_start(start), engine.sampler, time_step, of)
     cells = request.cells()
     total = len(cells) * window.keep
     hint = f"use fewer points, or smaller `sample_{_along(section)}s`"

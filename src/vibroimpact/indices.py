@@ -55,7 +55,20 @@ FORCES: dict[str, Index] = {
         Index("damper_rate", "energy lost in the dampers per second", "W", "D"),
     )
 }
-EVERY = INDICES | FORCES
+# Of the displacement of a coordinate, a point or a clearance, over one cycle, and of the stops' forces.
+RESPONSES: dict[str, Index] = {
+    index.name: index
+    for index in (
+        Index("amplitude", "half the peak-to-peak displacement", "m", "A"),
+        Index("rms", "rms displacement", "m", "rms y"),
+        Index("mean", "mean displacement", "m", "<y>"),
+        Index("harmonic_amplitude", "amplitude of the first harmonic", "m", "|Y|"),
+        Index("harmonic_phase", "phase of the first harmonic", "rad", "arg Y"),
+        Index("rms_force", "rms force of compliant stops", "N", "rms F", by_stop=True),
+    )
+}
+DISPLACEMENTS = tuple(name for name, index in RESPONSES.items() if not index.by_stop)
+EVERY = INDICES | FORCES | RESPONSES
 ALL = "all"  # in the place of names: all that a back end computes
 
 VELOCITY_INDICES = frozenset(name for name, index in INDICES.items() if index.from_velocities)

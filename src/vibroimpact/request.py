@@ -27,7 +27,7 @@ from vibroimpact.dataset import (
     status_variable,
     variable,
 )
-from vibroimpact.indices import EVERY
+from vibroimpact.indices import DISPLACEMENTS, EVERY
 from vibroimpact.model import Model, State, check_names, one_start
 from vibroimpact.parameters import Parameter, check_steps, invalid, positive_number, whole_number
 
@@ -51,6 +51,7 @@ class Request:
     start: State | tuple[State | None, ...] | int | None = None
     backend: str = "cpu"
     time_step: float | None = None
+    of: Any = None  # what the indices of displacements are of, as it was given
     scattered: bool = False  # points (dim `point`) instead of a grid
     further: Mapping[str, Any] = field(default_factory=dict)  # other inputs of the result: how a map is refined
 
@@ -89,7 +90,8 @@ class Request:
     def absent(self) -> dict[str, str]:
         """The requested indices of which the model has no value, with the reasons."""
         design = self.model.at()
-        return {name: reason for name in self.indices if (reason := without_value(name, design))}
+        of = self.measurement.of
+        return {name: reason for name in self.indices if (reason := without_value(name, design, of))}
 
     @property
     def measured(self) -> Measurement:
@@ -104,7 +106,12 @@ class Request:
 
     def attrs_of(self, name: str) -> dict[str, str]:
         """Return the attributes that a variable has besides its labels: why it has no value."""
-        return {"no_value": self.absent[name]} if name in self.absent else {}
+        if name in self.absent:
+            return {"no_value": self.absent[name]}
+        if self.of is None or name not in DISPLACEMENTS:
+            return {}
+        what = str(self.of) if isinstance(self.of, str) or np.ndim(self.of) else f"coordinate {self.of}"
+        return {"long_name": f"{EVERY[name].long_name} of {what}"}
 
     @cached_property
     def stops(self) -> tuple[str, ...]:
@@ -208,6 +215,7 @@ class Request:
             "early_closing": self.measurement.early_closing,
             **({"points": "scattered"} if self.scattered else {}),
             **({"by_stop": True} if self.measurement.by_stop else {}),
+            **({} if self.of is None else {"of": str(self.of)}),
             **self.further,
         }
 
@@ -240,6 +248,7 @@ class Request:
             "start": self.start,
             "early_closing": self.measurement.early_closing,
             **({"by_stop": True} if self.measurement.by_stop else {}),
+            **({} if self.of is None else {"of": self.of}),
             "tolerances": self.measurement.tolerances,
             **self.further,
         }

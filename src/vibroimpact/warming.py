@@ -27,6 +27,7 @@ def one_mass() -> None:
     """Run computations that need all kernels of one mass."""
     osc = vi.ImpactOscillator()
     vi.parameter_map(osc, omega=[1.0, 2.0], indices=tuple(INDICES))
+    vi.parameter_map(osc, omega=[1.0, 2.0], indices=["rms"])
     vi.parameter_map(osc, omega=[1.0, 2.0])
     vi.bifurcation_diagram(osc, omega=np.linspace(1.0, 2.0, 100))
     vi.describe(osc, parameters=["gap"])

@@ -19,9 +19,10 @@ from vibroimpact.backends.base import (
 )
 from vibroimpact.backends.one_mass import OfOneMass
 from vibroimpact.cells import Cells
-from vibroimpact.indices import ALL, FORCES, INDICES, check_indices
+from vibroimpact.indices import ALL, DISPLACEMENTS, FORCES, INDICES, check_indices
 from vibroimpact.model import Model
 from vibroimpact.model.oscillator import ImpactOscillator
+from vibroimpact.model.points import observed
 from vibroimpact.parameters import choice, unknown
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
     "check_takes",
     "chosen_indices",
     "get_backend",
+    "observed_by",
     "without_value",
 ]
 
@@ -92,13 +94,36 @@ def _computes(backend: Backend, name: str) -> bool:
     return name in backend.known_indices or (name in FORCES and not isinstance(backend, OfOneMass))
 
 
-def without_value(name: str, model: Model) -> str:
-    """Return why a model has no value of an index; empty if it has one."""
+def without_value(name: str, model: Model, of: Any = ()) -> str:
+    """Return why a model has no value of an index; empty if it has one. `of` None: no displacement is named."""
     if name in FORCES and isinstance(model, ImpactOscillator):
         return f"`{name}` is an index of systems; write the oscillator as an ImpactSystem"
-    if name == "max_force" and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):
-        return "`max_force` needs a compliant stop; the force of a rigid one has no largest value"
+    if name in ("max_force", "rms_force") and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):
+        return f"`{name}` needs a compliant stop; the force of a rigid one has no largest value"
+    if name in DISPLACEMENTS and of is None:
+        return f"`{name}` is that of a point, a coordinate or a clearance; name it by `of`"
     return ""
+
+
+def observed_by(indices: Iterable[str], model: Model, of: Any) -> tuple[float, ...] | int | None:
+    """Return what indices of displacements are of: factors of the coordinates, or the number of a stop.
+
+    Raises
+    ------
+    ValueError
+        `of` is none of the model's points, coordinates or stops, or no such index is wanted; or one is named, but not
+        what it is of.
+    """
+    system: Any = getattr(model, "system", model)
+    wanted = [name for name in check_indices(indices) if name in DISPLACEMENTS]
+    if of is None and indices == ALL and len(system.mass) > 1:
+        return None
+    if not wanted:
+        if of is not None:
+            raise ValueError(f"`of` is for the indices {', '.join(DISPLACEMENTS)}; name one, or leave it out")
+        return None
+    row, stop = observed(system, of)
+    return tuple(row.tolist()) if stop is None else stop
 
 
 def check_known(indices: Iterable[str], backend: Backend, model: Model) -> None:

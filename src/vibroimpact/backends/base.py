@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.cells import Cells
-from vibroimpact.indices import FORCES, INDICES, VELOCITY_INDICES
+from vibroimpact.indices import FORCES, INDICES, RESPONSES, VELOCITY_INDICES
 from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
@@ -96,8 +96,9 @@ class Measurement:
     """The quantities measured for each cell.
 
     With `early_closing` a cell ends as soon as its cycle is certain, and its sums are completed in closed form. With
-    `by_stop`, indices are computed for the impacts on each stop of a system. Samples depend only on window and
-    tolerances.
+    `by_stop`, indices are computed for the impacts on each stop of a system. `of` is what the indices of displacements
+    are of, if any: factors of all coordinates, or the number of a stop for its clearance. Samples depend only on window
+    and tolerances.
     """
 
     window: Window
@@ -105,6 +106,7 @@ class Measurement:
     early_closing: bool = True
     indices: tuple[str, ...] = ("std",)
     by_stop: bool = False
+    of: tuple[float, ...] | int | None = None
 
     @property
     def impacts(self) -> ImpactWindow:
@@ -116,7 +118,12 @@ class Measurement:
     @property
     def thorough(self) -> bool:
         """Whether the indices need more than sums over impact velocities."""
-        return not (VELOCITY_INDICES | FORCES.keys()).issuperset(self.indices)
+        return not (VELOCITY_INDICES | FORCES.keys() | RESPONSES.keys()).issuperset(self.indices)
+
+    @property
+    def swings(self) -> bool:
+        """Whether displacements or forces are measured over a cycle, after the impacts."""
+        return not RESPONSES.keys().isdisjoint(self.indices)
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,11 @@ import numpy as np
 from vibroimpact.backends import one_mass, scalar
 from vibroimpact.backends.base import Backend, Counts, Measurement, Outcome, Samples
 from vibroimpact.cells import Cells
-from vibroimpact.indices import INDICES
+from vibroimpact.indices import INDICES, RESPONSES
 from vibroimpact.kernels.vectors import LANES
 from vibroimpact.model.system_cells import SystemCells
+
+FULL = 8 * LANES  # cells that are followed over their cycles together
 
 
 class CpuBackend(Backend):
@@ -25,7 +27,7 @@ class CpuBackend(Backend):
     smallest_tile = 64  # two rounds of lanes
     largest_tile = 4096
     alone = LANES
-    known_indices = frozenset(INDICES)
+    known_indices = frozenset(INDICES | RESPONSES)
 
     def indices(self, cells: Cells, measurement: Measurement) -> Outcome:
         """Return the indices, the status, the impacts computed and the certified steps of each cell."""
@@ -43,8 +45,11 @@ class CpuBackend(Backend):
 
         def work(stopped: Callable[[], bool]) -> Iterator[tuple[Counts, Outcome]]:
             for rows, sweep in sweeps:
-                for done in sweep.finished(stopped):
-                    yield rows[done], sweep.outcome(done)
+                for done in _together(sweep.finished(stopped)) if measurement.swings else sweep.finished(stopped):
+                    outcome = sweep.outcome(done)
+                    if measurement.swings:
+                        outcome |= _swings(cells[rows[done]], sweep, done, outcome["status"], measurement, stopped)
+                    yield rows[done], outcome
 
         return work
 
@@ -81,6 +86,32 @@ def _sweeps(cells: Cells, measurement: Measurement) -> Iterator[tuple[Counts, An
         yield np.flatnonzero(served), scalar.Sweep(oscillators, measurement, ahead)
     if not served.all():
         yield np.flatnonzero(~served), SystemSweep(cells[~served], measurement)
+
+
+def _together(batches: Iterator[Counts]) -> Iterator[Counts]:
+    """Yield finished cells so many at a time that they fill lanes."""
+    held: list[Counts] = []
+    for batch in batches:
+        held.append(batch)
+        if sum(map(len, held)) >= FULL:
+            yield np.concatenate(held)
+            held = []
+    if held:
+        yield np.concatenate(held)
+
+
+def _swings(
+    cells: Cells, sweep: Any, done: Counts, status: Counts, measurement: Measurement, stopped: Callable[[], bool]
+) -> Outcome:
+    """Return the indices of displacements of cells that have ended."""
+    from vibroimpact.backends.modal.swings import swings  # compiled on first use
+
+    if isinstance(sweep, scalar.Sweep):
+        systems = cells if isinstance(cells, SystemCells) else one_mass.as_systems(cells)
+        settled = one_mass.resumed(systems, *sweep.states(done))
+    else:
+        settled = sweep.settled(done)
+    return swings(settled, status, measurement, stopped)
 
 
 def create() -> CpuBackend:

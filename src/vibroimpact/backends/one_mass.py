@@ -30,8 +30,9 @@ from vibroimpact.backends.base import (
     with_stop_axis,
 )
 from vibroimpact.cells import Cells
-from vibroimpact.indices import INDICES
+from vibroimpact.indices import INDICES, RESPONSES
 from vibroimpact.model.elements import BLOCKS
+from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.system_cells import SystemCells
 
 ONE_MASS = "one mass in front of one fixed rigid stop, driven at one frequency"
@@ -62,7 +63,7 @@ def is_one_mass(cells: SystemCells) -> NDArray[np.bool_]:
 
 def served(cells: SystemCells, measurement: Measurement) -> NDArray[np.bool_]:
     """Return which cells the engine of one mass can compute with the requested measurement."""
-    able = INDICES.keys() >= set(measurement.indices)
+    able = INDICES.keys() | RESPONSES.keys() >= set(measurement.indices)
     return is_one_mass(cells) if able else np.zeros(len(cells), bool)
 
 
@@ -90,6 +91,30 @@ def as_one_mass(cells: SystemCells) -> tuple[Cells, Floats]:
         "phase": turns - np.floor(turns),
     }
     return Cells.of(columns), ahead
+
+
+def as_systems(cells: Cells) -> SystemCells:
+    """Return cells of oscillators as cells of systems of one coordinate, y."""
+    systems: SystemCells = ImpactOscillator().system.cells({}).copies(len(cells))
+    mass, square, damping = cells["mass"], cells["stiffness"] / cells["mass"], cells["damping"] / cells["mass"]
+    force, omega, still = cells["amplitude"] / mass, cells["omega"], np.zeros(len(cells))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wave = np.nan_to_num(force / (square - omega**2 + 1j * omega * damping), posinf=0.0, neginf=0.0)
+    columns: dict[str, list[Floats]] = {
+        "square": [square], "damping": [damping], "force": [force, still], "jump": [1.0 / mass], "weight": [mass],
+        "gap": [cells["gap"]], "restitution": [cells["restitution"]], "omega": [omega], "fastest": [cells.fastest_rate],
+        "scale": [cells.velocity_scale], "steady": [still, wave.real, wave.imag], "give": [1.0 / cells["stiffness"]],
+        "margin": [cells["gap"] - np.abs(wave)],
+    }  # fmt: skip
+    for name, values in columns.items():
+        systems.block(name)[:] = np.column_stack(values)
+    return systems
+
+
+def resumed(cells: SystemCells, clearance: Floats, velocity: Floats, turns: Floats) -> SystemCells:
+    """Return such systems started from states of the equivalent oscillators."""
+    towards = cells.shapes[:, 0] / cells.block("alpha")  # derivative of the coordinate by y
+    return cells.carried(towards * (cells.block("gap") - clearance[:, None]), towards * velocity[:, None], turns)
 
 
 def samples(

@@ -186,6 +186,12 @@ class Sweep:
             outcome["struck"] = full.astype(np.int64)
         return with_stop_axis(outcome, self.measurement)
 
+    def states(self, done: Counts) -> tuple[Floats, Floats, Floats]:
+        """Return clearances, velocities and times in periods of the load at which cells have ended."""
+        columns = dict(zip(THOROUGH, self.results[done].T, strict=False))
+        turns = columns["periods"] + columns["phase"] - self._ahead[done]
+        return columns["clearance"], columns["velocity"], turns
+
     def follow(self, run: _Run) -> None:
         """Measure the only cell, and record its run up to the same point or to its end."""
         seat, facts, recorder = _seat(len(self.cells)), self._facts(), Recorder(run.memory, *_room_for(run.window))

@@ -79,8 +79,8 @@ def _motion(function: str, study: Study, options: Options) -> None:
 
 
 @with_options(
-    o.MODEL, o.START, o.X, o.SECTION, o.COORDINATE, o.DIRECTION, o.INDICES, o.IMPACTS, o.PERIODS, o.ENGINE, o.WORKERS,
-    o.OUT, o.FIGURE, o.INDEX, o.PICTURE,
+    o.MODEL, o.START, o.X, o.SECTION, o.COORDINATE, o.DIRECTION, o.INDICES, o.OF, o.IMPACTS, o.PERIODS, o.ENGINE,
+    o.WORKERS, o.OUT, o.FIGURE, o.INDEX, o.PICTURE,
 )  # fmt: skip
 def diagram(options: Options) -> None:
     """Bifurcation diagram: how the settled motion changes with one parameter.
@@ -105,7 +105,7 @@ def diagram(options: Options) -> None:
 
 
 @with_options(
-    o.MODEL, o.START, o.STARTS, o.X, o.Y, o.MORE_AXES, o.INDICES, o.BY_STOP, o.IMPACTS, o.ENGINE, o.EVERY_IMPACT,
+    o.MODEL, o.START, o.STARTS, o.X, o.Y, o.MORE_AXES, o.INDICES, o.OF, o.BY_STOP, o.IMPACTS, o.ENGINE, o.EVERY_IMPACT,
     o.WORKERS, o.CLUSTER, o.TILE, o.REFINE, o.OUT, o.FIGURE, o.INDEX, o.LEVEL, o.PICTURE,
 )  # fmt: skip
 def parameter_map(options: Options) -> None:

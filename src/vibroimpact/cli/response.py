@@ -29,10 +29,8 @@ def response(options: Options) -> None:
     study = study_of(options)
     parameter, span = one_range(study)
     output.check(options, "response_curve")
-    of = options["of"]
-    what = int(of) if of is not None and of.isdecimal() else of
     with Meter("orbits", opening=study.announce) as meter, refusing():
         curve = vibroimpact.response_curve(
-            study.model, of=what, step=options.value("step"), progress=meter, **{parameter: span}
+            study.model, of=study.settings.get("of"), step=options.value("step"), progress=meter, **{parameter: span}
         )
     output.finish(curve.dataset, options, meter, units=study.units)

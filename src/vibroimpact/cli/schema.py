@@ -261,7 +261,7 @@ STEP = _how(
     "step", "X", "Longest step along a curve, as a fraction of the ranges and of a driving period.", default=0.01
 )
 LINES = _how("lines", "N", "Lines in each direction of the plane to search for boundaries.", default=5)
-OF = Option("of", "NAME", "A point, a stop (its clearance) or the number of a coordinate.", "What to compute")
+OF = Option("of", "NAME", "A point, a stop (its clearance) or a coordinate's number.", "What to compute", table="run")
 DOUBLINGS = _how(
     "doublings", "N", "Number of period doublings to follow into the doubled orbits.", check=_whole(0), default=0
 )
@@ -273,8 +273,8 @@ _what = partial(Option, panel="What to compute")
 
 INDICES = _what(
     "indices", "NAMES",
-    f"Comma-separated: {', '.join(indices.INDICES)}; for systems also {', '.join(indices.FORCES)}; or all. "
-    "(default: std; for a diagram: none)", table="run", check=_indices,
+    f"Comma-separated: {', '.join(indices.INDICES | indices.RESPONSES)}; for systems also "
+    f"{', '.join(indices.FORCES)}; or all. (default: std; for a diagram: none)", table="run", check=_indices,
     read=lambda text: indices.ALL if text.strip() == indices.ALL else words(text),
 )  # fmt: skip
 _SECTIONS = (

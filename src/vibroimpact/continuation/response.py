@@ -20,8 +20,9 @@ from vibroimpact.continuation.lines import covered
 from vibroimpact.continuation.results import BifurcationPoint, Branch, axis, kind_variable
 from vibroimpact.dataset import dataset_of, flags, plain_variable, provenance
 from vibroimpact.model import Model, check_model
+from vibroimpact.model.points import observed
 from vibroimpact.orbits.search import find_orbit
-from vibroimpact.orbits.systems.response import Response, Steady, observed, response_of, steady_motion
+from vibroimpact.orbits.systems.response import Response, Steady, response_of, steady_motion
 from vibroimpact.parameters import counted, invalid
 from vibroimpact.progress import Report, reporter
 from vibroimpact.showing import Shown, Table

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vibroimpact.matrices import numbers
 from vibroimpact.model.force import Force, check_length, checked_force
 from vibroimpact.model.stops import Stop, several_stops
-from vibroimpact.parameters import choice, invalid, several, unknown
+from vibroimpact.parameters import choice, invalid, several, unknown, whole_number
 
 
 def checked_points(points: Any, n: int) -> Mapping[str, NDArray[np.float64]]:
@@ -74,6 +74,32 @@ def resolved(
         direction = over(f"stops[{at}].direction", stop.direction, points)
         placed.append(stop if direction is stop.direction else stop.replace(direction=direction))
     return load, placed
+
+
+def observed(system: Any, of: Any) -> tuple[NDArray[np.float64], int | None]:
+    """Return what is observed as a row over the coordinates, and the stop whose clearance it is.
+
+    `of` is the name of a point or of a stop, the number of a coordinate from 0 on, or a row of factors; None means the
+    only coordinate or point.
+    """
+    n, points, stops = system.coordinates, system.points, system.stop_names
+    names = [*points, *stops]
+    if of is None and 1 in (n, len(points)):
+        of = 0 if n == 1 else next(iter(points))
+    if of is None:
+        raise invalid("of", of, f"one of {', '.join(names)}, or the number of a coordinate, 0 to {n - 1}")
+    if isinstance(of, str):
+        if of not in names:
+            raise unknown("point or stop", of, names)
+        if of in points:
+            return points[of], None
+        at = stops.index(of)
+        return -system.stops[at].direction, at
+    if np.ndim(of):
+        row = numbers("of", of, 1)
+        check_length("of", row, n)
+        return row, None
+    return np.eye(n)[whole_number("of", of, 0, most=n - 1)], None
 
 
 class NamedPoints:

@@ -25,7 +25,7 @@ def prepare_leaps(k: Layout, table: Floats) -> None:
     """Write the flows of leaps and the bounds of the clearances during leaps into the rows of cells."""
     for first in range(0, len(table), _AT_ONCE):
         _prepare(k, table[first : first + _AT_ONCE])
-    if k.compliant and k.modes == 1:
+    if k.compliant and k.modes == 1 and not k.swinging:
         _prepare_contacts(k, table)
 
 
@@ -45,6 +45,8 @@ def _prepare(k: Layout, table: Floats) -> None:
     _block(table, k.barrier, s)[:] = _barriers(k, table)
     power = np.linalg.norm(np.sqrt(weight) * swing, axis=-1)
     table[:, k.growth] = 1.0 / np.maximum(power, np.finfo(float).tiny)
+    if k.draining or k.swinging:
+        return  # every step is made, and none leapt over
     lift, swings = _lift(square, load, force, motion, alpha, theta)
     _block(table, k.lift, s, n + 1 + 2 * m)[:] = lift
     diagonal = np.einsum("cjj->cj", damping)

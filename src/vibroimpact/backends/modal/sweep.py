@@ -87,6 +87,8 @@ class SystemSweep:
         self.compliant: Any = (~cells.bars).any(axis=0)
         self.budgets = budgets_of(cells, measurement.tolerances, self.total.total)
         self.results, self.ends = np.zeros((len(cells), noted(self.layout))), np.zeros(len(cells), np.int8)
+        self.cells = cells
+        self._finals = np.zeros((len(cells), 2 * self.layout.modes + 3 if measurement.swings else 0))
         self._tickets = np.zeros(1, np.int64)
 
     def finished(self, stopped: Callable[[], bool]) -> Iterator[Counts]:
@@ -97,8 +99,8 @@ class SystemSweep:
         layout, room, alone = InMemory(k), InMemory(room_for(k)), InMemory(alone_for(k))
         while busy and not stopped():
             number, busy = lanes.run_lanes(
-                self.table, self.budgets, self.results, self.ends, self._tickets, memory, owner, notes, ended, rows,
-                note, layout, room, self.total, alone, _LOOKS,
+                self.table, self.budgets, self.results, self._finals, self.ends, self._tickets, memory, owner, notes,
+                ended, rows, note, layout, room, self.total, alone, _LOOKS,
             )  # fmt: skip
             if number:
                 yield ended[:number].copy()
@@ -112,6 +114,14 @@ class SystemSweep:
             pushed, largest = pushed.sum(axis=0), np.fmax.reduce(largest, axis=0, initial=np.nan)
         drained = notes[march.DRAINED] / h**2 / seconds
         return {"mean_force": pushed, "max_force": largest, "work_rate": dissipation / period, "damper_rate": drained}
+
+    def settled(self, done: Counts) -> SystemCells:
+        """Return cells that have ended, in the state in which they did."""
+        cells, n = self.cells[done], self.layout.modes
+        eta, rate, turn = np.split(self._finals[done], [n, 2 * n], axis=1)
+        state = np.einsum("kij,pkj->pki", cells.shapes, np.stack([eta, rate / steps_of(cells)[:, None]]))
+        ended: SystemCells = cells.carried(state[0], state[1], _turns(*turn.T))
+        return ended
 
     def outcome(self, done: Counts | slice) -> Outcome:
         """Return the outcome of cells that have ended."""

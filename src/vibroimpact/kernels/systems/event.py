@@ -90,13 +90,13 @@ def _occur(rows, k, room, note, window):
 
 # The code of what is not observed is not compiled, and neither is that of compliant stops where there are none.
 rigid = without("compliant")
-_unobserved = without("wary", "draining")
-_plain = without("thorough", "wary", "forceful", "draining")
+_unobserved = without("wary", "draining", "swinging")
+_plain = without("thorough", "wary", "forceful", "draining", "swinging")
 
 
 @inner(forceinline=True)
 def _is_plain(k):
-    return not (k.thorough or k.wary or k.forceful or k.draining)
+    return not (k.thorough or k.wary or k.forceful or k.draining or k.swinging)
 
 
 @deferred("steps of systems", 4, by_kind=True)
@@ -117,7 +117,7 @@ def _walk_on(rows, k, wide):
         number += 1
         if number > LEAPS or not anywhere(willing):
             number, willing = max(number, LEAPS + 1), leapt
-    if k.compliant and k.modes == 1:
+    if k.compliant and k.modes == 1 and not k.swinging:
         leap_within(rows, k, wide)
     step(rows, k, wide)
 
@@ -126,11 +126,11 @@ def _walk_on(rows, k, wide):
 def walk_on(rows, k, wide):
     """Make leaps and a step, by the part that observes what is needed; a deviation is carried along."""
     if k.compliant:
-        if k.wary or k.draining:
+        if k.wary or k.draining or k.swinging:
             _walk_on(rows, k, wide)
         else:
             _walk_on(rows, _unobserved(k), wide)
-    elif k.wary or k.draining:
+    elif k.wary or k.draining or k.swinging:
         _walk_on(rows, rigid(k), wide)
     else:
         _walk_on(rows, rigid(_unobserved(k)), wide)

@@ -37,7 +37,7 @@ from vibroimpact.kernels.vectors import LANES, anywhere, get
 
 
 @inner(inline="always")
-def _seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room, window):
+def seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room, window):
     """Put the next cell into a lane; return its number, or -2 if there is none."""
     cell = next_ticket(tickets)
     if cell >= len(table):
@@ -68,7 +68,7 @@ def _begin_thoroughly(rows, k, room, note, closing, window):
 
 
 @inner(inline="always")
-def _unusual(lanes, lane, notes, rows, note, k, room, window):
+def unusual(lanes, lane, notes, rows, note, k, room, window):
     """Make what ended a lane's step, on the cell alone."""
     held = lanes[k.closed * LANES + lane] > 0.0  # what holds is zero else, here and in the lane
     lift(lanes, lane, rows, k.fixed if held else k.held)
@@ -108,20 +108,24 @@ def _ended(lanes, lane, notes, rows, note, k, room, window, alone):
 
 @compiled("maps of systems", 3)
 def run_lanes(
-    table, budgets, results, ends, tickets, lanes, owner, notes, ended, cells, note, k, room, window, alone, looks
+    table, budgets, results, finals, ends, tickets, lanes, owner, notes, ended, cells, note, k, room, window, alone,
+    looks,
 ):  # fmt: skip
-    """Step lanes until so many looks are made or cells ended; return how many ended, and how many lanes are busy."""
+    """Step lanes until so many looks are made or cells ended; return how many ended, and how many lanes are busy.
+
+    `finals` take the state in which a cell ends, or none if they are empty.
+    """
     number, busy = 0, 0
     for lane in range(LANES):
         if owner[lane] == -1:
-            owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, cells[lane], note, k, room, window)
+            owner[lane] = seat(table, budgets, tickets, lanes, lane, notes, cells[lane], note, k, room, window)
     for _ in range(looks):
         for _ in range(LOOK):
             go_on(lanes, notes, k, window)
             if anywhere(get(lanes, k.hit, 0) > NOTHING):
                 for lane in range(LANES):
                     if lanes[k.hit * LANES + lane] != NOTHING and owner[lane] >= 0:
-                        _unusual(lanes, lane, notes, cells[lane], note, k, room, window)
+                        unusual(lanes, lane, notes, cells[lane], note, k, room, window)
         busy = 0
         for lane in range(LANES):
             if owner[lane] < 0:
@@ -131,10 +135,12 @@ def run_lanes(
             end = _ended(lanes, lane, notes, cells[lane], note, k, room, window, alone)
             if end != RUNNING:
                 copy(note, results[owner[lane]])
+                for row in range(finals.shape[1]):  # eta, rate and turn
+                    finals[owner[lane], row] = cells[lane][k.eta + row]
                 ends[owner[lane]] = end
                 ended[number] = owner[lane]
                 number += 1
-                owner[lane] = _seat(table, budgets, tickets, lanes, lane, notes, cells[lane], note, k, room, window)
+                owner[lane] = seat(table, budgets, tickets, lanes, lane, notes, cells[lane], note, k, room, window)
             busy += owner[lane] >= 0
         if busy == 0 or number + LANES > len(ended):
             break

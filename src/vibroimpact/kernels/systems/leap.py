@@ -263,7 +263,7 @@ def _put(rows, certain, amplitude, rate, k, wide):
 @inner(forceinline=True)
 def may_leap(rows, k, wide):
     """Return the lanes in which leaps may be tried."""
-    may = get(rows, k.closed, wide) <= (-1.0 if k.draining else 0.0)
+    may = get(rows, k.closed, wide) <= (-1.0 if k.draining or k.swinging else 0.0)
     return may & (get(rows, k.engaged, wide) <= 0.0) if k.compliant else may
 
 

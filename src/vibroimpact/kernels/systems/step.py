@@ -45,6 +45,7 @@ from vibroimpact.kernels.systems.series import (
     valued,
     wave,
 )
+from vibroimpact.kernels.systems.swing import end_with_period, swing
 from vibroimpact.kernels.systems.trough import trough
 from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
@@ -216,6 +217,9 @@ def step(rows, k, wide):
     fly_inline(rows, held, k, wide)
     x, others, which, sought = _certify(rows, held, k, wide)
     close, end = _approach(load(rows, k.near, wide), x, others, sought)
+    if k.swinging:
+        end, close = end_with_period(rows, end, close, k, wide)
+        swing(rows, end, held, k, wide)
     if k.wary:
         for z in range(k.stops):
             miss(rows, z, end, end > 0.0, held, k, wide)

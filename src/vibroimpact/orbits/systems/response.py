@@ -14,16 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.matrices import numbers
-from vibroimpact.model.force import check_length
 from vibroimpact.model.modal import ModalForm
+from vibroimpact.model.points import observed
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.systems.admissibility import TERMS, Samples, sampled, series_of, turning_points
 from vibroimpact.orbits.systems.cycle import Leg
 from vibroimpact.orbits.systems.orbit import cycle_of
-from vibroimpact.parameters import invalid, whole_number
-from vibroimpact.parameters import unknown as unknown_name
 
 PLACES, WEIGHTS = np.polynomial.legendre.leggauss(3)
 SAMPLED = 32  # places in a period of the highest harmonic between which turning points are sought
@@ -50,32 +47,6 @@ class Response(NamedTuple):
     mean: float
     harmonic_amplitude: float
     harmonic_phase: float
-
-
-def observed(system: ImpactSystem, of: Any) -> tuple[Floats, int | None]:
-    """Return what is observed as a row over the coordinates, and the stop whose clearance it is.
-
-    `of` is the name of a point or of a stop, the number of a coordinate from 0 on, or a row of factors; None means the
-    only coordinate or point.
-    """
-    n, points, stops = system.coordinates, system.points, system.stop_names
-    names = [*points, *stops]
-    if of is None and 1 in (n, len(points)):
-        of = 0 if n == 1 else next(iter(points))
-    if of is None:
-        raise invalid("of", of, f"one of {', '.join(names)}, or the number of a coordinate, 0 to {n - 1}")
-    if isinstance(of, str):
-        if of not in names:
-            raise unknown_name("point or stop", of, names)
-        if of in points:
-            return points[of], None
-        at = stops.index(of)
-        return -system.stops[at].direction, at
-    if np.ndim(of):
-        row = numbers("of", of, 1)
-        check_length("of", row, n)
-        return row, None
-    return np.eye(n)[whole_number("of", of, 0, most=n - 1)], None
 
 
 def over(legs: Iterable[tuple[float, Leg]], form: Floats) -> Response:

@@ -1,0 +1,175 @@
+"""Indices of displacements and forces: against closed forms, orbits, and motions in time of random designs."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from systems import a_random_machine, two_masses
+from vibroimpact.indices import DISPLACEMENTS, RESPONSES
+
+OF_FORCE = "rms_force"
+
+
+def measured(model, names=DISPLACEMENTS, **how):
+    """Return indices of the motion from rest."""
+    omega = model.values["omega"] if "omega" in model.parameters else None
+    axis = {"omega": [omega]} if omega else {"frequency": [model.values["frequency"]]}
+    how = {"sample_impacts": 400, "workers": 1} | how
+    return vi.parameter_map(model, indices=names, **axis, **how).isel({next(iter(axis)): 0})
+
+
+def in_time(model, along, periods, start):
+    """Return the same from a motion that is sampled densely, by the trapezoidal rule."""
+    motion = vi.simulate(model, start=start, periods=periods, samples_per_period=20_000)
+    time, y = motion["time"].values, motion["displacement"].values.reshape(len(motion["time"]), -1) @ along
+
+    def mean(values):
+        return np.trapezoid(values, time) / (time[-1] - time[0])
+
+    phasor = 2j * mean(y * np.exp(-1j * model.omega * time))
+    peaks = np.abs(np.diff(y)).max()  # an impact between two samples is a peak that neither shows
+    return peaks, 0.5 * np.ptp(y), math.sqrt(mean(y**2)), mean(y), abs(phasor), np.angle(phasor)
+
+
+def close(found, peaks, amplitude, rms, mean, first, phase):
+    """Return whether indices agree, the phase where there is a first harmonic."""
+    *lengths, angle = (float(found[name]) for name in DISPLACEMENTS)
+    turned = abs(np.exp(1j * angle) - np.exp(1j * phase)) * first
+    off = np.abs(np.array([*lengths, turned]) - [amplitude, rms, mean, first, 0.0])
+    return (off < 3e-6 * (amplitude + abs(mean)) + np.array([peaks, 0.0, 0.0, 0.0, 0.0])).all()
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_over_a_cycle_of_a_random_machine_they_are_those_of_its_motion_in_time(seed):
+    rng = np.random.default_rng([17, seed])
+    while True:
+        model = a_random_machine(rng)
+        if model.modal().neutral.any():  # where a free centre comes to rest depends on how all began
+            continue
+        found = measured(model, ["n_periods"], transient_impacts=2000)
+        if found["n_periods"] > 0 or found["status"] == vi.Status.NO_IMPACT:
+            break
+    n = max(int(found["n_periods"]), 1)
+    section = vi.stroboscopic_section(model, transient_periods=20_000, sample_periods=1)
+    place, speed = (section[name].values[-1] for name in ("displacement", "velocity"))
+    along = rng.normal(size=model.coordinates)
+    wanted = in_time(model, along, n, vi.State(place, speed, 0.0))
+    found = measured(model, of=along, transient_impacts=2000)
+    assert close(found, *wanted)
+
+
+@pytest.mark.parametrize("omega", [1.2, 1.4, 2.0, 3.3])
+def test_of_one_mass_they_are_those_of_its_orbit_whichever_way_it_is_written(omega):
+    osc = vi.ImpactOscillator(omega=omega)
+    found = measured(osc)
+    for other in (osc.system, vi.family(lambda omega=omega: osc.replace(omega=omega))):
+        assert all(float(measured(other)[name]) == float(found[name]) for name in DISPLACEMENTS)
+    (orbit,) = vi.find_orbit(osc, near=vi.impact_section(osc))
+    wanted = vi.response_of(orbit)
+    assert np.allclose([float(found[name]) for name in DISPLACEMENTS], wanted, rtol=1e-9)
+
+
+def test_without_contact_they_are_those_of_the_linear_oscillator():
+    omega = np.array([0.5, 0.9, 1.0, 1.7, 6.0])
+    osc = vi.ImpactOscillator(gap=1e3, damping=0.05)
+    found = vi.parameter_map(osc, omega=omega, indices=DISPLACEMENTS)
+    force = osc.amplitude / (osc.stiffness - osc.mass * omega**2 + 1j * omega * osc.damping)
+    assert (found["status"] == vi.Status.NO_IMPACT).all()
+    assert np.allclose(found["amplitude"], abs(force), rtol=1e-12)
+    assert np.allclose(found["rms"], abs(force) / math.sqrt(2.0), rtol=1e-12)
+    assert np.allclose(found["mean"], 0.0, atol=1e-12 * abs(force))
+    assert np.allclose(found["harmonic_amplitude"], abs(force), rtol=1e-12)
+    assert np.allclose(found["harmonic_phase"], np.angle(force), atol=1e-12)
+
+
+def test_the_clearance_of_a_stop_that_moves_is_never_negative_and_closes():
+    model = two_masses()
+    name = next(stop.name for stop in model.stops if stop.motion)
+    number = model.stop_names.index(name)
+    found = measured(model, ["max_velocity", "amplitude", "mean", "rms"], of=name)
+    motion, stop = vi.simulate(model, periods=3000, samples_per_period=60), model.stops[number]
+    late = motion["time"].values > motion["time"].values[-1] - 200 * model.period
+    time, q = motion["time"].values[late], motion["displacement"].values[late]
+    waves = [(part * np.exp(1j * order * model.omega * time)).imag for order, part in stop.motion.items()]
+    u = stop.gap + np.sum(waves, axis=0) - q @ stop.direction
+    assert u.min() > -1e-9
+    assert float(found["mean"]) == pytest.approx(u.mean(), rel=0.05)
+    assert float(found["rms"]) == pytest.approx(math.sqrt((u**2).mean()), rel=0.05)
+
+
+def test_a_motion_that_does_not_repeat_is_estimated():
+    osc = vi.ImpactOscillator(omega=2.8)
+    found = measured(osc, [*DISPLACEMENTS, "n_periods", "lyapunov"])
+    assert found["n_periods"] == 0
+    assert found["lyapunov"] > 0.0
+    motion = vi.simulate(osc, periods=5000, samples_per_period=40)
+    y = motion["displacement"].values[40_000:]
+    assert float(found["rms"]) == pytest.approx(math.sqrt((y**2).mean()), rel=0.1)
+    assert float(found["mean"]) == pytest.approx(y.mean(), rel=0.1)
+    assert 0.7 * 0.5 * np.ptp(y) < found["amplitude"] <= 0.5 * np.ptp(y) * (1.0 + 1e-3)
+
+
+def soft(**changes):
+    numbers = {"gap": 0.3, "stiffness": 40.0, "damping": 0.0, "name": "pad"} | changes
+    force = vi.Force(omega=1.3, harmonics={1: 1.0})
+    return vi.ImpactSystem(mass=1.0, damping=0.1, stiffness=1.0, force=force, stops=[vi.Stop(direction=1.0, **numbers)])
+
+
+def test_the_rms_force_is_that_of_the_spring_that_is_pressed_in():
+    model = soft()
+    found = measured(model, [OF_FORCE, "max_force", "n_periods"])
+    section = vi.stroboscopic_section(model, transient_periods=3000, sample_periods=1)
+    start = vi.State(section["displacement"].values[-1], section["velocity"].values[-1], 0.0)
+    motion = vi.simulate(model, start=start, periods=int(found["n_periods"]), samples_per_period=20_000)
+    force = 40.0 * np.maximum(motion["displacement"].values.ravel() - 0.3, 0.0)
+    rms = math.sqrt(np.trapezoid(force**2, motion["time"]) / float(motion["time"][-1] - motion["time"][0]))
+    assert float(found[OF_FORCE]) == pytest.approx(rms, rel=1e-6)
+    by_stop = measured(model, [OF_FORCE], by_stop=True)[OF_FORCE]
+    assert by_stop.sizes == {"stop": 1}
+    assert float(by_stop[0]) == float(found[OF_FORCE])
+
+
+def test_a_cell_is_the_same_to_the_bit_on_every_grid_and_in_every_number_of_threads():
+    model, omega = vi.models.impact_damper(), np.linspace(9.0, 16.0, 70)
+    whole = vi.parameter_map(model, omega=omega, indices=RESPONSES, of=0, sample_impacts=200)
+    few = vi.parameter_map(model, omega=omega[::9], indices=RESPONSES, of=0, sample_impacts=200, workers=1)
+    for name in RESPONSES:
+        assert np.array_equal(whole[name][::9], few[name], equal_nan=True)
+
+
+def test_a_diagram_a_store_and_a_refined_map_hold_them(tmp_path):
+    osc = vi.ImpactOscillator()
+    how = {"indices": ["rms", "std"], "sample_impacts": 200}
+    omega, mass = np.linspace(1.0, 3.0, 4), [1.0, 1.5]
+    plain = vi.parameter_map(osc, omega=omega, mass=mass, **how)
+    stored = vi.parameter_map(osc, omega=omega, mass=mass, store=tmp_path / "run.zarr", **how)
+    assert np.array_equal(stored["rms"], plain["rms"])
+    refined = vi.refined_map(osc, omega=omega, mass=mass, refine=1, **how)
+    assert np.allclose(refined["rms"][::2, ::2], plain["rms"], rtol=1e-9)
+    diagram = vi.bifurcation_diagram(osc, omega=omega, **how)
+    assert np.array_equal(diagram["rms"], plain["rms"][:, 0])
+    system = two_masses()
+    vi.parameter_map(system, omega=[7.0, 8.0], store=tmp_path / "of.zarr", of=0, **how)
+    with pytest.raises(ValueError, match="`of`|of "):
+        vi.parameter_map(system, omega=[7.0, 8.0], store=tmp_path / "of.zarr", of=1, **how)
+
+
+def test_what_they_are_of_is_said_and_asked_for():
+    model = two_masses()
+    mapped = vi.parameter_map(model, omega=[8.0], indices=["rms"], of=1, sample_impacts=50)
+    assert mapped["rms"].attrs["long_name"] == "rms displacement of coordinate 1"
+    every = vi.parameter_map(model, omega=[8.0], indices="all", sample_impacts=50)
+    assert "name it by `of`" in every["amplitude"].attrs["no_value"]
+    assert "compliant" in every[OF_FORCE].attrs["no_value"]
+    for how, said in (
+        ({"indices": ["rms"]}, "`of` must be one of"),
+        ({"indices": ["std"], "of": 0}, "`of` is for the indices amplitude"),
+        ({"indices": ["rms"], "of": "tip"}, "unknown point or stop 'tip'"),
+        ({"indices": ["rms"], "of": 2}, "`of` must be at most 1"),
+        ({"indices": [OF_FORCE]}, "needs a compliant stop"),
+        ({"indices": ["rms"], "of": 0, "backend": "reference"}, "reference"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            vi.parameter_map(model, omega=[8.0], sample_impacts=50, **how)
