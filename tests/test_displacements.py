@@ -169,7 +169,20 @@ def test_what_they_are_of_is_said_and_asked_for():
         ({"indices": ["rms"], "of": "tip"}, "unknown point or stop 'tip'"),
         ({"indices": ["rms"], "of": 2}, "`of` must be at most 1"),
         ({"indices": [OF_FORCE]}, "needs a compliant stop"),
+        ({"indices": [OF_FORCE, "rms"], "of": "left"}, "unknown point or stop 'left'"),
         ({"indices": ["rms"], "of": 0, "backend": "reference"}, "reference"),
     ):
         with pytest.raises(ValueError, match=said):
             vi.parameter_map(model, omega=[8.0], sample_impacts=50, **how)
+
+
+def test_an_axis_and_an_index_of_one_name_are_told_apart():
+    osc = vi.ImpactOscillator(omega=2.2)
+    with pytest.raises(ValueError, match="vary the axis under another name"):
+        vi.parameter_map(osc, amplitude=[1.0, 2.0], indices=["amplitude"])
+    with pytest.raises(ValueError, match="vary the axis under another name"):
+        vi.response_curve(osc, amplitude=(1.0, 2.0))
+    assert vi.parameter_map(osc, amplitude=[1.0, 2.0], indices=["rms"], sample_impacts=50)["rms"].sizes
+    loaded = vi.family(lambda load=1.0: osc.replace(amplitude=load))
+    swings = vi.parameter_map(loaded, load=[1.0, 2.0], indices=["amplitude"], sample_impacts=50)["amplitude"]
+    assert float(swings[1]) == pytest.approx(2.0 * float(swings[0]), rel=1e-9)

@@ -16,6 +16,7 @@ import vibroimpact as vi
 from fenced import ROOT, blocks, fences, table
 from vibroimpact.dataset import VARIABLES
 from vibroimpact.indices import EVERY
+from vibroimpact.model.oscillator import PARAMETERS
 
 DOCS = ROOT / "docs"
 PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("[a-z]*/**/*.md"), *ROOT.glob("*.md")])
@@ -161,7 +162,9 @@ def test_the_statuses_of_the_glossary_are_those_of_the_code():
 def test_the_glossary_has_the_words_symbols_and_units_of_results():
     rows = table(GLOSSARY, "| word | symbol")
     assert rows == [
-        [name, symbol, words, unit] for name, (words, unit, symbol) in VARIABLES.items() if name not in EVERY
+        [name, symbol, words, unit]
+        for name, (words, unit, symbol) in VARIABLES.items()
+        if name not in EVERY or name in PARAMETERS
     ]
     told = entries()
     for index in EVERY.values():
@@ -171,7 +174,8 @@ def test_the_glossary_has_the_words_symbols_and_units_of_results():
 
 @pytest.mark.parametrize("page", [*DOCS.glob("[grst]*/*.md"), DOCS / "index.md"], ids=named)
 def test_a_table_or_caption_links_a_status_or_an_index_to_the_glossary_where_it_names_it_first(page):
-    names = {"Std": "std", **{name: name for name in [*(s.word for s in vi.Status), *EVERY]}}
+    words = [*(s.word for s in vi.Status), *(name for name in EVERY if name not in PARAMETERS)]
+    names = {"Std": "std", **{name: name for name in words}}
     text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
     for part in re.findall(r"(?:^\|.*\n)+|^\*[^*\s][^*]*\*$", text, re.MULTILINE):
         first = {}

@@ -56,7 +56,11 @@ VARIABLES: dict[str, tuple[str, str, str]] = {
     "contact_fraction": ("time in contact over total time", "1", "T_c/T"),
     "max_penetration": ("deepest penetration", "m", "max d"),
     "number": ("impacts in a class of velocities", "1", "N"),
-} | {index.name: (index.long_name, index.units, index.symbol) for index in EVERY.values()}
+}
+# `amplitude` stays that of the driving force; variables of indices have the labels of their indices.
+VARIABLES |= {
+    name: (index.long_name, index.units, index.symbol) for name, index in EVERY.items() if name not in VARIABLES
+}
 
 SYMBOLS = {entry.symbol: name for name, entry in ImpactOscillator.parameters.items() if not entry.replaces}
 

@@ -30,7 +30,7 @@ from vibroimpact.model import Model, State, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import check_fits, check_steps, choice, invalid, phase_number, several, whole_number
 from vibroimpact.progress import Report, Stop, reporter
-from vibroimpact.request import COSTLY, Request, check_axes
+from vibroimpact.request import COSTLY, Request, check_apart, check_axes
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
@@ -148,6 +148,7 @@ def bifurcation_diagram(
     named = indices if isinstance(indices, str) else several("indices", indices, "a list of names of indices")
     chosen = chosen_indices(named, engine) if named else ()
     check_known(chosen, engine, design)
+    check_apart(axes, chosen)
     check_takes(engine, design)
     if whole_number("coordinate", coordinate, 0) >= design.coordinates:
         raise invalid("coordinate", coordinate, f"less than the number of coordinates, {design.coordinates}")

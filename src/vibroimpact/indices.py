@@ -25,6 +25,11 @@ class Index:
     from_velocities: bool = False
     by_stop: bool = False
 
+    @property
+    def label(self) -> dict[str, str]:
+        """The attributes of its variable."""
+        return {"long_name": self.long_name, "units": self.units, "symbol": self.symbol}
+
 
 INDICES: dict[str, Index] = {
     index.name: index

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from itertools import product
@@ -105,13 +105,14 @@ class Request:
         return {**outcome, **{name: missing(name, (cells, *more)) for name, more in sizes.items()}}
 
     def attrs_of(self, name: str) -> dict[str, str]:
-        """Return the attributes that a variable has besides its labels: why it has no value."""
-        if name in self.absent:
-            return {"no_value": self.absent[name]}
-        if self.of is None or name not in DISPLACEMENTS:
-            return {}
-        what = str(self.of) if isinstance(self.of, str) or np.ndim(self.of) else f"coordinate {self.of}"
-        return {"long_name": f"{EVERY[name].long_name} of {what}"}
+        """Return the attributes of a variable: its labels, and why it has no value."""
+        label = EVERY[name].label if name in EVERY else {}
+        if self.of is not None and name in DISPLACEMENTS:
+            what = self.of if isinstance(self.of, str) or np.ndim(self.of) else f"coordinate {self.of}"
+            label["long_name"] += f" of {what}"
+            if isinstance(self.measurement.of, int):
+                label["long_name"] = label["long_name"].replace("displacement", "clearance")
+        return label | ({"no_value": self.absent[name]} if name in self.absent else {})
 
     @cached_property
     def stops(self) -> tuple[str, ...]:
@@ -279,6 +280,15 @@ def check_axes(axes: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> 
             low, high = values[falls[0]], values[falls[0] + 1]
             raise ValueError(f"`{name}` must increase strictly, but goes from {low:g} to {high:g}; sort its values")
     return checked
+
+
+def check_apart(axes: Iterable[str], indices: Iterable[str]) -> None:
+    """Raise if a result would have an axis and an index of one name."""
+    for name in sorted({*axes}.intersection(indices)):
+        raise ValueError(
+            f"`{name}` is an axis and an index here; vary the axis under another name, "
+            f"vi.family(lambda load=1.0: model.replace({name}=load))"
+        )
 
 
 def check_points(points: Any, model: Model) -> dict[str, Floats]:

@@ -20,7 +20,7 @@ from vibroimpact.model import Model, State, check_model
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import STEPS, check_fits, truth, whole_number
 from vibroimpact.progress import Report, Stop, reporter
-from vibroimpact.request import Request, check_axes, check_points, check_start, map_of
+from vibroimpact.request import Request, check_apart, check_axes, check_points, check_start, map_of
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
@@ -177,6 +177,7 @@ def parameter_map(
     seen = observed_by(indices, osc.at(), of)
     measurement = Measurement(window, Tolerances.of(tolerances), early_closing, chosen, by_stop, seen)
     varied = check_axes(axes, osc.parameters) if points is None else check_points(points, osc)
+    check_apart(varied, chosen)
     scattered = points is not None
     request = Request(osc, varied, measurement, check_start(start), backend, time_step, of, scattered)
     check_takes(engine, osc.at())

@@ -19,12 +19,14 @@ from vibroimpact.continuation.following import check_range, check_share
 from vibroimpact.continuation.lines import covered
 from vibroimpact.continuation.results import BifurcationPoint, Branch, axis, kind_variable
 from vibroimpact.dataset import dataset_of, flags, plain_variable, provenance
+from vibroimpact.indices import DISPLACEMENTS, EVERY
 from vibroimpact.model import Model, check_model
 from vibroimpact.model.points import observed
 from vibroimpact.orbits.search import find_orbit
 from vibroimpact.orbits.systems.response import Response, Steady, response_of, steady_motion
 from vibroimpact.parameters import counted, invalid
 from vibroimpact.progress import Report, reporter
+from vibroimpact.request import check_apart
 from vibroimpact.showing import Shown, Table
 
 if TYPE_CHECKING:
@@ -32,14 +34,7 @@ if TYPE_CHECKING:
 
 AROUND = np.linspace(-8.0, 8.0, 33)  # half-widths of a resonance at which the motion without contact is computed
 INSIDE = 1e-3  # of an interval with contact: how far from its ends orbits are sought
-LABELS = {  # of the fields of a Response, in their order
-    "amplitude": ("amplitude (half of the peak-to-peak value)", "m", "amplitude"),
-    "rms": ("root mean square", "m", "rms"),
-    "mean": ("mean", "m", "mean"),
-    "harmonic_amplitude": ("amplitude at the driving frequency", "m", "amplitude at w"),
-    "harmonic_phase": ("phase at the driving frequency", "rad", "phase at w"),
-}
-NOTHING = Response(*[math.nan] * len(LABELS))
+NOTHING = Response(*[math.nan] * len(DISPLACEMENTS))
 PART, IMPACTS = {"long_name": "part of the curve"}, {"long_name": "impacts in a cycle", "units": "1"}
 STABLE = "unstable", "stable"
 
@@ -131,11 +126,9 @@ class _Points(NamedTuple):
 
 def _responses(dim: str, rows: list[Response]) -> dict[str, Any]:
     """Return responses as labelled variables."""
-    columns = np.array(rows).reshape(-1, len(LABELS)).T
-    return {
-        name: plain_variable(dim, column, {"long_name": long_name, "units": units, "symbol": symbol})
-        for (name, (long_name, units, symbol)), column in zip(LABELS.items(), columns, strict=True)
-    }
+    columns = np.array(rows).reshape(-1, len(DISPLACEMENTS)).T
+    named = zip(DISPLACEMENTS, columns, strict=True)
+    return {name: plain_variable(dim, column, EVERY[name].label) for name, column in named}
 
 
 def response_curve(
@@ -194,6 +187,7 @@ def response_curve(
     if len(axes) != 1:
         raise invalid("axes", tuple(axes), "exactly one parameter with its range", "for example omega=(1.0, 2.0)")
     ((parameter, ends),) = axes.items()
+    check_apart(axes, DISPLACEMENTS)
     form = _system(model).modal()
     if not (form.forces.any() or form.motions.any()):
         raise ValueError("the model has no periodic load and no moving stop; a response curve needs one")
