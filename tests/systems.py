@@ -3,7 +3,8 @@
 import numpy as np
 
 import vibroimpact as vi
-from vibroimpact.backends.reference.systems import CompliantStop, LinearSystem, RigidStop, follow
+from vibroimpact.backends.reference.stops import CompliantStop, RigidStop
+from vibroimpact.backends.reference.systems import LinearSystem, follow
 
 CONTACT = ("impulse", "energy_lost", "peak_force", "contact_time", "penetration")
 

@@ -29,9 +29,9 @@ from vibroimpact.backends.reference.phases import (
     Which,
 )
 from vibroimpact.backends.reference.pushes import pushes
-from vibroimpact.backends.reference.stops import CompliantStop, Floats, RigidStop
+from vibroimpact.backends.reference.stops import Floats
 
-__all__ = ["CompliantStop", "Event", "LinearSystem", "Moment", "RigidStop", "Trajectory", "follow"]
+__all__ = ["Event", "LinearSystem", "Moment", "Trajectory", "follow"]
 
 TOUCH = 1e-13  # relative to a clearance's terms: a smaller clearance is contact
 CUT = 1e-10  # of the fastest impact so far: chatter below it is completed
@@ -85,6 +85,7 @@ def follow(
 
     Examples
     --------
+    >>> from vibroimpact.backends.reference.stops import RigidStop
     >>> ball = LinearSystem(np.eye(1), np.zeros((1, 1)), np.zeros((1, 1)), 1.0, np.array([2.0]), {},
     ...                     (RigidStop(np.array([1.0]), 0.0, 0.5),))
     >>> motion = follow(ball, [-1.0], [0.0], impacts=3)

@@ -141,8 +141,7 @@ def from_near(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orb
 
 def _with_near(orbits: Orbits[SystemOrbit], model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOrbit]:
     """Return orbits, with the one near a guess added if it is missing."""
-    compliant = any(stop.compliant for stop in model.at().stops)
-    if guess.none or guess.sticks or not compliant:
+    if guess.none or guess.sticks or all(stop.element.instantaneous for stop in model.at().stops):
         return orbits
     more = [one for one in from_near(model, n_periods, 1, guess) if not any(same_orbit(one, each) for each in orbits)]
     return ordered([*orbits, *more]) if more else orbits
@@ -206,7 +205,7 @@ def find_near(
 ) -> Orbits[SystemOrbit]:
     """Return the orbit to which a motion has settled, from the times of its impacts, or a state if contacts last."""
     all_stops = model.at().stops
-    guess = Guess.of(state) if any(all_stops[stop].compliant for stop in stops) else Guess(times)
+    guess = Guess(times) if all(all_stops[stop].element.instantaneous for stop in stops) else Guess.of(state)
     try:
         return striking(model, n_periods, tuple(stops), guess)
     except ValueError:  # the motion does not repeat these impacts
