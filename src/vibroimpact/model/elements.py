@@ -1,7 +1,7 @@
 """The kinds of stops: their numbers, their contact laws, and the quantities that are reported for each contact.
 
-Every stop has an element of one of these kinds. Outside the kernels and the back ends, only this module distinguishes
-them.
+Every stop has an element of one of these kinds. Outside the kernels and the back ends, only this module names them.
+Other code asks an element for its traits.
 """
 
 from __future__ import annotations
