@@ -178,9 +178,9 @@ def linear(model):
     """Return a system as the witness takes it."""
     load = np.zeros(len(model.mass)) if model.force.constant is None else model.force.constant
     stops = tuple(
-        CompliantStop(stop.direction, stop.gap, stop.stiffness, stop.damping, dict(stop.motion))
+        CompliantStop(stop.direction, stop.gap, stop.stiffness, stop.damping, motion=dict(stop.motion))
         if stop.compliant
-        else RigidStop(stop.direction, stop.gap, stop.restitution, dict(stop.motion))
+        else RigidStop(stop.direction, stop.gap, stop.restitution, motion=dict(stop.motion))
         for stop in model.stops
     )
     matrices = model.mass, model.damping, model.stiffness

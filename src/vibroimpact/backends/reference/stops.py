@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
 class Stop:
     """A stop of any kind: its clearance is u = gap + Im(sum_h motion_h exp(i h w t)) - direction . q.
 
@@ -27,7 +28,7 @@ class Stop:
 
     direction: Floats
     gap: float
-    motion: dict[int, complex]
+    motion: dict[int, complex] = field(default_factory=dict, kw_only=True)
 
     impenetrable: ClassVar[bool]  # whether u is never negative
 
@@ -35,11 +36,6 @@ class Stop:
     def slack(self) -> tuple[float, float]:
         """The coefficients k, c of the force -k u - c u' while it pushes; zero if contacts are impulses."""
         return 0.0, 0.0
-
-    @property
-    def closed_at_end(self) -> bool:
-        """Whether u is zero when its force has fallen to zero."""
-        return True
 
     def ratio(self, speed: float) -> Any:
         """Return the ratio r of the speeds after and before an impact, given that before it; zero without impulses."""
@@ -52,17 +48,11 @@ class RigidStop(Stop):
 
     Parameters
     ----------
-    direction, gap, motion
-        As for every `Stop`.
     restitution : float, or function of float
         Ratio r of the speeds after and before an impact, 0 to 1, or a function of the speed in m/s that returns it.
     """
 
-    direction: Floats
-    gap: float
     restitution: float | Callable[[float], float]
-    motion: dict[int, complex] = field(default_factory=dict)
-
     impenetrable = True
 
     def ratio(self, speed: float) -> Any:
@@ -79,26 +69,15 @@ class CompliantStop(Stop):
 
     Parameters
     ----------
-    direction, gap, motion
-        As for every `Stop`.
     stiffness, damping : float
         k > 0 in N/m and c >= 0 in N s/m.
     """
 
-    direction: Floats
-    gap: float
     stiffness: float
     damping: float = 0.0
-    motion: dict[int, complex] = field(default_factory=dict)
-
     impenetrable = False
 
     @property
     def slack(self) -> tuple[float, float]:
         """The stiffness and the damping."""
         return self.stiffness, self.damping
-
-    @property
-    def closed_at_end(self) -> bool:
-        """Whether it has no damper."""
-        return self.damping == 0.0

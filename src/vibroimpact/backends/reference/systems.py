@@ -317,7 +317,7 @@ class _Walk:
                     self.events[index] = self.events[index].after(push)
         n, s = eq.n, eq.s
         q, v, u, w = np.split(end[: 2 * n + 2 * s], [n, 2 * n, 2 * n + s])
-        u[[j for kind, j in met if kind != SLACK and (kind != FORCE or eq.stops[j].closed_at_end)]] = 0.0
+        u[[j for kind, j in met if kind != SLACK and (kind != FORCE or eq.stops[j].slack[1] == 0.0)]] = 0.0
         u[list(self.closed)] = w[list(self.closed)] = 0.0
         self.at = Moment(*self.at.later(time / eq.period), q, v, u, w)
         closed = np.array(self.closed, int)
