@@ -3,7 +3,8 @@
 import numpy as np
 
 import vibroimpact as vi
-from vibroimpact.backends.reference.systems import CompliantStop, LinearSystem, RigidStop, follow
+from vibroimpact.backends.reference.stops import CompliantStop, RigidStop
+from vibroimpact.backends.reference.systems import LinearSystem, follow
 
 CONTACT = ("impulse", "energy_lost", "peak_force", "contact_time", "penetration")
 
@@ -177,9 +178,9 @@ def linear(model):
     """Return a system as the witness takes it."""
     load = np.zeros(len(model.mass)) if model.force.constant is None else model.force.constant
     stops = tuple(
-        CompliantStop(stop.direction, stop.gap, stop.stiffness, stop.damping, dict(stop.motion))
+        CompliantStop(stop.direction, stop.gap, stop.stiffness, stop.damping, motion=dict(stop.motion))
         if stop.compliant
-        else RigidStop(stop.direction, stop.gap, stop.restitution, dict(stop.motion))
+        else RigidStop(stop.direction, stop.gap, stop.restitution, motion=dict(stop.motion))
         for stop in model.stops
     )
     matrices = model.mass, model.damping, model.stiffness

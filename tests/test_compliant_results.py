@@ -137,6 +137,13 @@ def test_a_moving_stop_that_gives_is_shaded_where_it_is(shown):
     np.testing.assert_allclose(found, np.column_stack([begins, begins + length]), atol=1e-2)
 
 
+def test_a_section_names_the_compliant_stop_in_its_legend(shown):
+    pressed = soft(buffer_gap=-0.4, wall_gap=0.42)
+    ax = shown.stroboscopic_map(vi.stroboscopic_section(pressed, transient_periods=0, sample_periods=50))
+    texts = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert {"compliant stop buffer", "stop wall"} <= set(texts)
+
+
 def test_maps_of_forces_have_units(shown):
     how = {"omega": [1.2, 1.3], "buffer_stiffness": [40.0, 60.0], "transient_impacts": 50, "sample_impacts": 50}
     sweep = vi.parameter_map(soft(), indices=["max_force", "work_rate", "damper_rate"], **how)

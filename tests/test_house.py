@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from vibroimpact.backends import BACKENDS
+from vibroimpact.model.elements import KINDS as ELEMENTS
 from vibroimpact.model.oscillator import PARAMETERS
 
 SOURCE = Path(__file__).parents[1] / "src" / "vibroimpact"
@@ -98,3 +99,22 @@ def test_nothing_above_the_back_ends_asks_for_the_kind_of_a_model_an_orbit_or_a_
         file: lines for file, lines in questions.items() if lines and not file.startswith(("backends/", "kernels/"))
     }
     assert not above
+
+
+def names_in(text):
+    """Return the names in code: those of variables, attributes and imports."""
+    for node in ast.walk(ast.parse(text)):
+        for field in ("id", "attr", "name"):
+            if isinstance(name := getattr(node, field, None), str):
+                yield name
+
+
+def test_the_kinds_of_stops_are_named_only_in_the_files_that_define_them():
+    kinds = {kind.__name__ for kind in ELEMENTS}
+    rooms = dict.fromkeys(kinds, "model/elements.py")
+    rooms |= {f"{kind}Stop": "backends/reference/stops.py" for kind in kinds}
+    assert {(kind, file) for file, text in FILES.items() for kind in {*names_in(text)} & {*rooms}} == {*rooms.items()}
+
+
+def test_no_code_asks_a_stop_whether_it_is_compliant():
+    assert [file for file, text in FILES.items() if re.search(r"\bstops?(\[\w+\])?\.compliant\b", text)] == []

@@ -27,7 +27,7 @@ from vibroimpact.orbits import orbit_distance, same_orbit
 from vibroimpact.orbits.orbit import solution_of
 from vibroimpact.orbits.systems.closed_form import roots
 from vibroimpact.orbits.systems.cycle import Cycle
-from vibroimpact.orbits.systems.events import impacts_on
+from vibroimpact.orbits.systems.events import Event
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.symmetry import mirror
 
@@ -531,7 +531,7 @@ def test_the_derivatives_of_the_equations_are_those_of_differences(n):
     rng = np.random.default_rng(n)
     system = a_symmetric_system(rng, n)
     for stops, images in (((0, 1, 1, 0), ()), ((0, 1), (1, 0)), ((1,), ())):
-        cycle = Cycle(Flow(system), 1, impacts_on(stops), images)
+        cycle = Cycle(Flow(system), 1, tuple(map(Event, stops)), images)
         angles = np.sort(rng.uniform(0.0, cycle.length, len(stops)))
         unknown = np.append(angles, rng.standard_normal(2 * n))
         _, matrix = cycle.linearised(unknown)

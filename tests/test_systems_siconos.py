@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vibroimpact.backends.reference.systems import LinearSystem, RigidStop, follow
+from vibroimpact.backends.reference.stops import RigidStop
+from vibroimpact.backends.reference.systems import LinearSystem, follow
 
 RECORDED = json.loads((Path(__file__).parent / "data" / "siconos.json").read_text())["systems"]  # by tests/oracles
 NUDGE = 1e-9  # of the velocity at the start, to see how errors grow

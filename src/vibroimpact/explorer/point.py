@@ -206,7 +206,7 @@ def _sides(shown: views.View, time: Floats, speed: Floats, stop: Any) -> list[tu
         struck = np.flatnonzero(stop == wall.name)
         place, before, after = shown.sides(wall, time[struck], speed[struck])
         sides.append((time[struck], place, before))
-        if not wall.compliant:
+        if wall.element.instantaneous:
             sides.append((time[struck], place, after))
     return sides
 

@@ -1,7 +1,7 @@
 """The kinds of stops: their numbers, their contact laws, and the quantities that are reported for each contact.
 
-Every stop has an element of one of these kinds. Outside the kernels and the back ends, only this module distinguishes
-them.
+Every stop has an element of one of these kinds. Outside the kernels and the back ends, only this module names them.
+Other code asks an element for its traits.
 """
 
 from __future__ import annotations
@@ -81,6 +81,8 @@ class Element(ABC):
     ----------
     word : str
         The kind in words, for messages.
+    holds : str
+        The words before the name of a stop that holds a motion without impacts.
     takes : tuple of str
         The arguments of `Stop` that make it; if the first one is given, the stop is of this kind.
     instead : mapping of str to str
@@ -94,11 +96,17 @@ class Element(ABC):
     """
 
     word: ClassVar[str]
+    holds: ClassVar[str]
     takes: ClassVar[tuple[str, ...]]
     instead: ClassVar[Mapping[str, str]]
     reports: ClassVar[tuple[str, ...]] = ("impulse", "energy_lost")
     instantaneous: ClassVar[bool]
     impenetrable: ClassVar[bool]
+
+    @property
+    def label(self) -> str:
+        """The words before its name in legends; the usual kind is not named."""
+        return "stop" if isinstance(self, KINDS[-1]) else f"{self.word} stop"
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -153,7 +161,7 @@ class Element(ABC):
 class Rigid(Element):
     """A rigid stop: an impact turns the rate of the clearance from -v to r v."""
 
-    word = "rigid"
+    word, holds = "rigid", "at rest at"
     takes = ("restitution",)
     instead = MappingProxyType({"damping": "give a `stiffness` (N/m) for a compliant stop"})
     instantaneous = impenetrable = True
@@ -215,7 +223,7 @@ class Rigid(Element):
 class Compliant(Element):
     """A compliant stop: a spring and a damper push with max(0, k d + c d') at a penetration d > 0."""
 
-    word = "compliant"
+    word, holds = "compliant", "pressed into"
     takes = ("stiffness", "damping")
     instead = MappingProxyType({"restitution": "give `damping` instead"})
     reports = (*Element.reports, "peak_force", "contact_time", "penetration")

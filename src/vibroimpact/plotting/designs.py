@@ -261,9 +261,9 @@ def _settled_state(model: Model) -> State | None:
 
 
 def _has_one_fixed_stop(model: Any) -> bool:
-    """Whether the models can share axis limits: one coordinate below one fixed rigid stop."""
+    """Whether the models can share axis limits: one coordinate below one fixed impenetrable stop."""
     return model.coordinates == len(model.stops) == 1 and not (
-        model.stops[0].compliant or model.stops[0].motion or model.stops[0].direction[0] < 0.0
+        model.stops[0].motion or model.stops[0].direction[0] < 0.0 or not model.stops[0].element.impenetrable
     )
 
 

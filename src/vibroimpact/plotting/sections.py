@@ -128,8 +128,9 @@ def _draw_stops(ax: Axes, view: View, time: Floats) -> None:
         place = float(view.place(wall, time)[0])
         if (high - place if wall.side > 0 else place - low) > 0.0:
             caption = caption_of(view.model, wall.name)
-            name = caption if caption != wall.name else f"{'compliant ' * wall.compliant}stop {wall.name}"
-            style.draw_stop(ax, place, (low, high)[wall.side > 0], upright=True, label=name, compliant=wall.compliant)
+            name = caption if caption != wall.name else f"{wall.element.label} {wall.name}"
+            solid = wall.element.impenetrable
+            style.draw_stop(ax, place, (low, high)[wall.side > 0], upright=True, label=name, impenetrable=solid)
 
 
 def _stick_phases(section: xr.Dataset, period: float) -> list[tuple[float, float]]:

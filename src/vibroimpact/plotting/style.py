@@ -85,14 +85,14 @@ STYLE: Any = {
 
 DOTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgewidth": 0}
 RINGS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "white"}
-# Fills behind a rigid stop and behind a compliant stop, which motions enter; line where contact begins.
+# By whether a stop is impenetrable: the fill behind it, and the line where contact begins.
 BEHIND: dict[bool, dict[str, Any]] = {
-    False: {"facecolor": "#ededed", "edgecolor": "#c4c4c4", "hatch": "////", "linewidth": 0.0},
-    True: {"facecolor": "#f7f7f7", "edgecolor": "#e2e2e2", "hatch": "//", "linewidth": 0.0},
+    True: {"facecolor": "#ededed", "edgecolor": "#c4c4c4", "hatch": "////", "linewidth": 0.0},
+    False: {"facecolor": "#f7f7f7", "edgecolor": "#e2e2e2", "hatch": "//", "linewidth": 0.0},
 }
 FACE: dict[bool, dict[str, Any]] = {
-    False: {"color": "#555555", "linewidth": 1.2},
-    True: {"color": "#8a8a8a", "linewidth": 1.0, "linestyle": (0, (4, 2))},
+    True: {"color": "#555555", "linewidth": 1.2},
+    False: {"color": "#8a8a8a", "linewidth": 1.0, "linestyle": (0, (4, 2))},
 }
 LETTERS = 15.0  # characters of a legend per inch of the figure
 LEGEND_LINE = 0.17  # inches per line of a legend
@@ -196,11 +196,13 @@ def view(values: Floats, size: float, least: float = 1e-6) -> tuple[float, float
     return 0.5 * (low + high) - half, 0.5 * (low + high) + half
 
 
-def draw_stop(ax: Axes, gap: float, beyond: float, *, upright: bool, label: str = "", compliant: bool = False) -> None:
+def draw_stop(
+    ax: Axes, gap: float, beyond: float, *, upright: bool, label: str = "", impenetrable: bool = True
+) -> None:
     """Shade the region behind the stop, from the gap to the axis limit `beyond`; its label appears in the legend."""
     span, line = (ax.axvspan, ax.axvline) if upright else (ax.axhspan, ax.axhline)
-    span(gap, beyond, **BEHIND[compliant], zorder=1.5, label=label)
-    line(gap, **FACE[compliant], zorder=1.6)
+    span(gap, beyond, **BEHIND[impenetrable], zorder=1.5, label=label)
+    line(gap, **FACE[impenetrable], zorder=1.6)
 
 
 # Legends

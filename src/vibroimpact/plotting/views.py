@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicHermiteSpline
 
+from vibroimpact.model.elements import Element
 from vibroimpact.model.stops import Stop
 from vibroimpact.parameters import choice, invalid, whole_number
 from vibroimpact.plotting import labels
@@ -35,9 +36,9 @@ class Wall:
         return str(self.stop.name)
 
     @property
-    def compliant(self) -> bool:
-        """Whether the stop is compliant."""
-        return self.stop.compliant
+    def element(self) -> Element:
+        """The contact law of the stop, and its traits."""
+        return self.stop.element
 
     @property
     def side(self) -> int:
@@ -114,9 +115,9 @@ class View:
         return np.column_stack([time, self.place(wall, time), self.place(wall, time, rate=True)])
 
     def sides(self, wall: Wall, time: Floats, speed: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return y and its rates before and after impacts on a wall; on a compliant wall the rate does not jump."""
+        """Return y and its rates before and after impacts on a wall; the rate jumps only if an impact takes no time."""
         moves, closing = self.place(wall, time, rate=True), speed / wall.ratio
-        return self.place(wall, time), moves + closing, moves - wall.stop.rebound(speed) * closing
+        return self.place(wall, time), moves + closing, moves - wall.element.rebound(speed) * closing
 
     def impacts(self, simulation: xr.Dataset) -> tuple[Floats, Floats, Floats]:
         """Return y and its rates before and after each impact on any stop.
@@ -146,7 +147,7 @@ class View:
     def _jumps(self, simulation: xr.Dataset) -> Floats:
         """Return the jump of y' at each impact."""
         struck, jumps = simulation["impact_stop"].values, np.zeros(simulation.sizes["impact"])
-        for stop in (stop for stop in self.model.stops if not stop.compliant):
+        for stop in (stop for stop in self.model.stops if stop.element.instantaneous):
             at, per_impulse = struck == stop.name, self.form @ np.linalg.solve(self.model.mass, stop.direction)
             jumps[at] = -per_impulse * simulation["impulse"].values[at]
         return jumps

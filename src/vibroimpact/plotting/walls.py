@@ -1,4 +1,4 @@
-"""Drawing of the walls of a view and of the forces of compliant stops."""
+"""Drawing of the walls of a view and of the forces of stops."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from vibroimpact.plotting.views import View, Wall
 STOPS = (RED, "#e69f00", "#7a3dd8", "#0b7a75", "#7a5230")  # of impacts, by stop in the model's order
 FAR = 3.0  # in spans of the motion: an arrow points to a wall that is farther away
 ROOM = 0.12  # of the span: depth drawn behind a wall
+TOUCHED = float(np.finfo(float).tiny)  # m: the depth just after contact begins
 
 
 def color_of(model: Any, name: str) -> str:
@@ -34,7 +35,7 @@ def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) 
     """Draw the stops that act on y alone; return the limits of the y axis.
 
     Over time, the motion of a moving stop is drawn; in a portrait (upright), its farthest position. Arrows point to
-    stops outside the limits. The part of a compliant stop that the motion penetrates is shaded in the stop's colour.
+    stops outside the limits. The part of a stop that the motion penetrates is shaded in the stop's colour.
     """
     scale = view.model.velocity_scale / view.model.slowest_frequency
     low, high = style.view(y, style.magnitude(y, scale))
@@ -58,11 +59,11 @@ def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) 
     for wall, place, outermost in near:
         beyond = high if wall.side > 0 else low
         if view.moves(wall) and not upright:
-            ax.fill_between(time, place, beyond, zorder=1.5, **style.BEHIND[wall.compliant])
-            ax.plot(time, place, **style.FACE[wall.compliant], zorder=1.6)
+            ax.fill_between(time, place, beyond, zorder=1.5, **style.BEHIND[wall.element.impenetrable])
+            ax.plot(time, place, **style.FACE[wall.element.impenetrable], zorder=1.6)
         else:
-            style.draw_stop(ax, outermost, beyond, upright=upright, compliant=wall.compliant)
-        if wall.compliant:
+            style.draw_stop(ax, outermost, beyond, upright=upright, impenetrable=wall.element.impenetrable)
+        if not wall.element.impenetrable:
             _shade(ax, wall, (time, y, place), color_of(view.model, wall.name), upright=upright)
         _name(ax, caption_of(view.model, wall.name), 0.5 * (deepest[wall.name] + beyond), upright=upright)
     for wall, outermost in far:
@@ -77,12 +78,11 @@ def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) 
 
 
 def draw_forces(ax: Axes, model: Any, simulation: xr.Dataset) -> None:
-    """Draw the forces of compliant stops over time, with a box of the duration and peak force behind each contact."""
-    for stop in (stop for stop in model.stops if stop.compliant):
+    """Draw the forces of stops over time, with a box of the duration and peak force behind each contact that lasts."""
+    for stop in (stop for stop in model.stops if not stop.element.instantaneous):
         hits = simulation.isel(impact=np.flatnonzero(simulation["impact_stop"] == stop.name))
         begins, length, peak = (hits[name].values for name in ("impact_time", "contact_time", "peak_force"))
-        # At the beginning of contact the force jumps from zero to c v.
-        touch: Floats = float(stop.damping or 0.0) * hits["impact_velocity"].values
+        touch: Floats = stop.element.force(TOUCHED, hits["impact_velocity"].values)  # it jumps from zero
         time = np.concatenate([simulation["time"].values, begins, begins, begins + length])
         force = np.concatenate([simulation["force"].sel(stop=stop.name).values, 0.0 * touch, touch, 0.0 * touch])
         order, color = np.argsort(time, kind="stable")[: np.isfinite(time).sum()], color_of(model, str(stop.name))
@@ -95,15 +95,15 @@ def draw_forces(ax: Axes, model: Any, simulation: xr.Dataset) -> None:
 
 
 def _deepest(wall: Wall, y: Floats, outermost: float) -> float:
-    """Return the deepest position of the motion in a compliant stop; the position of a rigid stop."""
-    if not wall.compliant:
+    """Return the deepest position of the motion in a stop; the position of an impenetrable stop."""
+    if wall.element.impenetrable:
         return outermost
     reached = np.append(y[np.isfinite(y)], outermost)
     return float(reached.max() if wall.side > 0 else reached.min())
 
 
 def _shade(ax: Axes, wall: Wall, line: tuple[Floats, Floats, Floats], color: str, *, upright: bool) -> None:
-    """Shade where the motion is inside a compliant stop."""
+    """Shade where the motion is inside a stop."""
     time, y, place = line
     inside = (y - place) * wall.side >= 0.0
     look: dict[str, Any] = {"facecolor": color, "alpha": 0.2, "linewidth": 0.0, "zorder": 1.7}

@@ -170,10 +170,10 @@ def _clear_of(verdict: Verdict) -> str:
     clearances = system.clearances(q, present.start.time).tolist()
     sizes = [abs(stop.gap) + float(np.abs(stop.direction) @ np.abs(q)) for stop in system.stops]
     at = [stop for stop, gap, size in zip(system.stops, clearances, sizes, strict=True) if gap <= EQUAL * size]
-    rigid, compliant = ([stop.name for stop in at if stop.compliant is gives] for gives in (False, True))
-    return (f", at rest at {listed(rigid)}" if rigid else "") + (
-        f", pressed into {listed(compliant)}" if compliant else ""
-    )
+    held: dict[str, list[str]] = {}
+    for stop in at:
+        held.setdefault(stop.element.holds, []).append(str(stop.name))
+    return "".join(f", {words} {listed(names)}" for words, names in sorted(held.items()))
 
 
 def _energy(verdict: Verdict) -> Iterator[str]:

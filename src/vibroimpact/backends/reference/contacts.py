@@ -7,7 +7,8 @@ from itertools import combinations
 
 import numpy as np
 
-from vibroimpact.backends.reference.phases import BALANCE, DEPTH, Equations, Floats
+from vibroimpact.backends.reference.phases import BALANCE, DEPTH, Equations
+from vibroimpact.backends.reference.stops import Floats
 
 CRUSHED = 1e-6  # relative to the fastest rate: tolerance of the impact law
 
@@ -74,17 +75,17 @@ def impact_law(coupling: Floats, restitution: Floats, rates: Floats) -> tuple[Fl
 
 
 def held_closed(
-    eq: Equations, x: Floats, touched: list[int], springs: tuple[int, ...]
+    eq: Equations, x: Floats, touched: list[int], others: tuple[int, ...]
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return, of the stops touched with a rate of zero, the rigid ones that push, and all that stay closed.
+    """Return, of the stops touched with a rate of zero, the impenetrable ones that push, and all that stay closed.
 
     Forces and accelerations are complementary, lambda >= 0 and u'' >= 0; where both vanish, their derivatives decide. A
-    stop whose clearance stays zero without a force also stays closed. `springs` are the pushing compliant stops, whose
-    forces are given.
+    stop whose clearance stays zero without a force also stays closed. `others` are the pushing stops that are
+    penetrable, whose forces are given.
     """
     best: tuple[int, tuple[int, ...], tuple[int, ...]] | None = None
     for pushing in subsets(touched):
-        phase = eq.phase(pushing, springs)
+        phase = eq.phase(pushing, others)
         if phase.singular:
             continue
         signs = []

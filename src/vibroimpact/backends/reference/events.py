@@ -9,8 +9,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vibroimpact.backends.reference.phases import Floats, Phase
+from vibroimpact.backends.reference.phases import Phase
 from vibroimpact.backends.reference.pushes import Push
+from vibroimpact.backends.reference.stops import Floats
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from vibroimpact.backends.reference.flight import sine_cosine
+from vibroimpact.backends.reference.stops import Floats, Stop
 
-Floats = NDArray[np.float64]
 Which = NDArray[np.intp]
 Real = NDArray[Any]  # of double or extended precision
 Watch = tuple[int, int]  # quantities watched until they fall through zero, and their stops
@@ -49,50 +49,6 @@ NEARLY = 1e-9  # relative error of the place of an extremum; that of its value i
 
 
 @dataclass(frozen=True)
-class RigidStop:
-    """A rigid stop: its clearance is u = gap + Im(sum_h motion_h exp(i h w t)) - direction . q >= 0.
-
-    Parameters
-    ----------
-    direction : array, shape (n,)
-        The linear form a of the coordinates.
-    gap : float
-        Clearance at q = 0, in m.
-    restitution : float, or function of float
-        Ratio r of the speeds after and before an impact, 0 to 1, or a function of the speed in m/s that returns it.
-    motion : dict of int to complex
-        Harmonics of the stop's own motion, in m.
-    """
-
-    direction: Floats
-    gap: float
-    restitution: float | Callable[[float], float]
-    motion: dict[int, complex] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class CompliantStop:
-    """A compliant stop: after u falls through zero it pushes with F = max(0, -k u - c u') until F is zero.
-
-    If c > 0 it separates before u returns to zero, and then exerts no force, unless k u + c u' falls through zero
-    before u is positive, when it pushes again.
-
-    Parameters
-    ----------
-    direction, gap, motion
-        As for a `RigidStop`.
-    stiffness, damping : float
-        k > 0 in N/m and c >= 0 in N s/m.
-    """
-
-    direction: Floats
-    gap: float
-    stiffness: float
-    damping: float = 0.0
-    motion: dict[int, complex] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
 class LinearSystem:
     """M q'' + C q' + K q = p0 + Im(sum_h p_h exp(i h w t)), with stops.
 
@@ -106,7 +62,7 @@ class LinearSystem:
         Constant force in N.
     harmonics : dict of int to complex array, shape (n,)
         Harmonics of the force in N.
-    stops : tuple of RigidStop and CompliantStop
+    stops : tuple of Stop
         Any number.
     """
 
@@ -116,7 +72,7 @@ class LinearSystem:
     omega: float
     constant: Floats
     harmonics: dict[int, NDArray[np.complex128]]
-    stops: tuple[RigidStop | CompliantStop, ...]
+    stops: tuple[Stop, ...]
 
 
 class Equations:
@@ -127,10 +83,8 @@ class Equations:
         self.period = 2.0 * math.pi / self.omega
         self.n, self.s = len(self.mass), len(system.stops)
         self.directions = np.array([stop.direction for stop in system.stops], float).reshape(self.s, self.n)
-        self.laws = [stop.restitution if isinstance(stop, RigidStop) else 0.0 for stop in system.stops]
-        springs = [(s.stiffness, s.damping) if isinstance(s, CompliantStop) else (0.0, 0.0) for s in system.stops]
-        self.springs, self.dampers = np.array(springs, float).reshape(self.s, 2).T
-        self.compliant = self.springs > 0.0
+        self.stops = system.stops
+        self.impenetrable = np.array([stop.impenetrable for stop in system.stops], bool)
         self.orders = sorted({*system.harmonics, *(h for stop in system.stops for h in stop.motion)})
         still = np.zeros(self.n)
         waves = [np.asarray(system.harmonics.get(h, still), complex) for h in self.orders]
@@ -154,10 +108,10 @@ class Equations:
         bends = -np.column_stack([np.zeros(self.s), moves.real * self.rates**2, moves.imag * self.rates**2])
         none = np.zeros((self.s, 2 * self.n + 2 * self.s))
         self.bending = np.column_stack([none, bends / self.length]) - self.directions @ self.acceleration
-        self.slack = np.zeros_like(self.bending)  # k u + c u': minus the force of a compliant stop
+        self.slack = np.zeros_like(self.bending)  # k u + c u': minus the force of a stop that pushes
         stops = np.arange(self.s)
-        self.slack[stops, 2 * self.n + stops] = self.springs
-        self.slack[stops, 2 * self.n + self.s + stops] = self.dampers
+        forces = np.array([stop.slack for stop in system.stops], float).reshape(self.s, 2)
+        self.slack[stops, 2 * self.n + stops], self.slack[stops, 2 * self.n + self.s + stops] = forces.T
         self.phases: dict[tuple[tuple[int, ...], tuple[int, ...]], Phase] = {}
 
     def basis(self, phase: float) -> Floats:
@@ -175,8 +129,7 @@ class Equations:
     def restitution(self, rates: Floats) -> Floats:
         """Return r of every stop for the given rate of its clearance before an impact."""
         speeds = np.maximum(-rates, 0.0)
-        values = [law(float(v)) if callable(law) else law for law, v in zip(self.laws, speeds, strict=True)]
-        return np.array(values, float)
+        return np.array([stop.ratio(float(v)) for stop, v in zip(self.stops, speeds, strict=True)], float)
 
     def phase(self, held: tuple[int, ...], pushing: tuple[int, ...] = ()) -> Phase:
         """Return the (cached) phase in which given rigid stops are held closed and given compliant ones push."""
@@ -190,11 +143,11 @@ class Phase:
 
     def __init__(self, eq: Equations, held: tuple[int, ...], pushing: tuple[int, ...]) -> None:
         n, s, size = eq.n, eq.s, eq.acceleration.shape[1]
-        self.held, self.pushing, index, springs = held, pushing, list(held), list(pushing)
+        self.held, self.pushing, index, others = held, pushing, list(held), list(pushing)
         square = eq.coupling[np.ix_(index, index)]
         self.singular = bool(index) and np.linalg.cond(square) > 1.0 / BALANCE
         self.force = np.zeros((s, size))  # lambda, one row per stop
-        self.force[springs] = -eq.slack[springs]
+        self.force[others] = -eq.slack[others]
         if index and not self.singular:
             self.force[index] = np.linalg.solve(square, -(eq.bending + eq.coupling @ self.force)[index])
         self.bending = eq.bending + eq.coupling @ self.force

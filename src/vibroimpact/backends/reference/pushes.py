@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from vibroimpact.backends.reference.phases import CLEARANCE, FORCE, NEARLY, TERMS, Floats, Phase
+from vibroimpact.backends.reference.phases import CLEARANCE, FORCE, NEARLY, TERMS, Phase
+from vibroimpact.backends.reference.stops import Floats
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(
     12

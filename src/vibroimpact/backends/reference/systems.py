@@ -22,18 +22,16 @@ from vibroimpact.backends.reference.phases import (
     DEPTH,
     FORCE,
     SLACK,
-    CompliantStop,
     Equations,
-    Floats,
     LinearSystem,
     Phase,
-    RigidStop,
     Watch,
     Which,
 )
 from vibroimpact.backends.reference.pushes import pushes
+from vibroimpact.backends.reference.stops import Floats
 
-__all__ = ["CompliantStop", "Event", "LinearSystem", "Moment", "RigidStop", "Trajectory", "follow"]
+__all__ = ["Event", "LinearSystem", "Moment", "Trajectory", "follow"]
 
 TOUCH = 1e-13  # relative to a clearance's terms: a smaller clearance is contact
 CUT = 1e-10  # of the fastest impact so far: chatter below it is completed
@@ -87,6 +85,7 @@ def follow(
 
     Examples
     --------
+    >>> from vibroimpact.backends.reference.stops import RigidStop
     >>> ball = LinearSystem(np.eye(1), np.zeros((1, 1)), np.zeros((1, 1)), 1.0, np.array([2.0]), {},
     ...                     (RigidStop(np.array([1.0]), 0.0, 0.5),))
     >>> motion = follow(ball, [-1.0], [0.0], impacts=3)
@@ -127,7 +126,7 @@ class _Walk:
         self.events: list[Event] = []
         self.pieces: list[tuple[float, Phase, Floats]] = []
         self.recorded, self.full = 0, False
-        if (clearance < -self._touch())[~eq.compliant].any():
+        if (clearance < -self._touch())[eq.impenetrable].any():
             raise ValueError(f"the state lies beyond a stop: clearances {clearance.tolist()}")
 
     @property
@@ -161,12 +160,12 @@ class _Walk:
 
     def meet(self) -> None:
         """Resolve all events at this instant: impacts, then the set of closed stops."""
-        before, late, compliant = self.closed, 0.0, self.eq.compliant
+        before, late, impenetrable = self.closed, 0.0, self.eq.impenetrable
         for _ in range(EVENTS):
             clearance, touch = self.at.clearance, self._touch()
-            touching = np.flatnonzero((clearance <= touch) & ~(compliant & (clearance < -touch)))
+            touching = np.flatnonzero((clearance <= touch) & (impenetrable | (clearance >= -touch)))
             self._close_gaps(touching[self.at.rate[touching] <= 0.0])
-            touching = touching[~compliant[touching]]
+            touching = touching[impenetrable[touching]]
             struck = [int(j) for j in touching if self.at.rate[j] < 0.0]
             if not struck:
                 break
@@ -185,19 +184,19 @@ class _Walk:
             self._note("stick", j, time=float(sum(turns) * self.eq.period), phase=float(turns[1]))
 
     def _settle(self, resting: list[int]) -> None:
-        """Determine which compliant stops push, and which of the rigid ones at rest stay closed."""
+        """Determine which penetrable stops push, and which of the others at rest stay closed."""
         eq, x, signs = self.eq, self._vector(), {}
         for _ in range(eq.s + 1):
             self.held, self.closed = held_closed(eq, x, resting, self.pushing)
             phase, before = eq.phase(self.held, self.pushing), self.pushing
-            signs = {int(j): self._pushes(int(j), phase, x) for j in np.flatnonzero(eq.compliant)}
+            signs = {int(j): self._pushes(int(j), phase, x) for j in np.flatnonzero(~eq.impenetrable)}
             self.pushing = tuple(j for j, sign in signs.items() if sign > 0)
             if self.pushing == before:
                 break
         self.away = tuple(j for j, sign in signs.items() if sign < 0)
 
     def _pushes(self, j: int, phase: Phase, x: Floats) -> int:
-        """Return 1 if a compliant stop pushes from now on, -1 if it let go and is still pressed in, 0 if it is free.
+        """Return 1 if a penetrable stop pushes from now on, -1 if it let go and is still pressed in, 0 if it is free.
 
         The sign of the first non-zero derivative decides; it is the same with and without the stop's own force.
         """
@@ -318,7 +317,7 @@ class _Walk:
                     self.events[index] = self.events[index].after(push)
         n, s = eq.n, eq.s
         q, v, u, w = np.split(end[: 2 * n + 2 * s], [n, 2 * n, 2 * n + s])
-        u[[j for kind, j in met if kind != SLACK and (kind != FORCE or eq.dampers[j] == 0.0)]] = 0.0
+        u[[j for kind, j in met if kind != SLACK and (kind != FORCE or eq.stops[j].slack[1] == 0.0)]] = 0.0
         u[list(self.closed)] = w[list(self.closed)] = 0.0
         self.at = Moment(*self.at.later(time / eq.period), q, v, u, w)
         closed = np.array(self.closed, int)

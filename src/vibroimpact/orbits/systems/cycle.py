@@ -92,7 +92,7 @@ class Cycle:
         """The stops that push before each event, and after the last."""
         pushing = [self.pushing]
         for event in self.events:
-            pushing.append(event.then(pushing[-1], self.flow.compliant.tolist()))
+            pushing.append(self.flow.after(event, pushing[-1]))
         return pushing
 
     @property
@@ -218,10 +218,9 @@ class Cycle:
             matrix[i] = row @ slope
             matrix[i, i] += rise
             after = flow.struck(event.stop, x, z)
-            if not flow.compliant[event.stop]:
-                by_state, by_angle = flow.impact_slopes(event.stop, x, z)
-                slope = by_state @ slope
-                slope[:, i] += by_angle
+            by_state, by_angle = flow.impact_slopes(event.stop, x, z)
+            slope = by_state @ slope
+            slope[:, i] += by_angle
             slope[:, i] -= flow.rate(after, z, pushing)
             grown, _ = flow.over(angles[i + 1] - angles[i], pushing)
             slope = slope + grown @ slope

@@ -21,18 +21,6 @@ class Event(NamedTuple):
     stop: int
     kind: str = IMPACT
 
-    def then(self, pushing: Pushing, compliant: Sequence[bool]) -> Pushing:
-        """Return the stops that push after the event, given those that pushed before."""
-        if not compliant[self.stop] or self.kind == GRAZE:
-            return pushing
-        others = {stop for stop in pushing if stop != self.stop}
-        return tuple(sorted(others if self.kind == LET_GO else {*others, self.stop}))
-
     def in_mirror(self, images: Sequence[int]) -> Event:
         """Return the mirror image of the event, on the stop's image."""
         return self._replace(stop=images[self.stop])
-
-
-def impacts_on(stops: Sequence[int]) -> tuple[Event, ...]:
-    """Return the events of impacts on rigid stops."""
-    return tuple(map(Event, stops))

@@ -30,7 +30,7 @@ import numpy as np
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import block_matrix
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event, Pushing
+from vibroimpact.orbits.systems.events import GRAZE, IMPACT, LET_GO, Event, Pushing
 
 TERMS = 18  # 1/19! is below rounding
 KEPT = 64  # flights cached: those of one cycle, while its equations are differentiated and its orbit is built
@@ -197,6 +197,26 @@ class Flow:
     def closing(self, stop: int, x: Floats, z: Floats) -> float:
         """Return the first derivative of the clearance of a stop over its length."""
         return float(self.bounds[stop] @ (self.turning @ z) - self.beta[stop] @ x[self.n :])
+
+    def contact(self, stop: int) -> tuple[Event, ...]:
+        """Return the events of one contact: an impact and, if contacts last, the end of the force."""
+        return (Event(stop), Event(stop, LET_GO))[: 1 + self.compliant[stop]]
+
+    def after(self, event: Event, pushing: Pushing) -> Pushing:
+        """Return the stops that push after an event, given those that pushed before."""
+        if not self.compliant[event.stop] or event.kind == GRAZE:
+            return pushing
+        others = {stop for stop in pushing if stop != event.stop}
+        return tuple(sorted(others if event.kind == LET_GO else {*others, event.stop}))
+
+    def pressed(self, x: Floats, z: Floats) -> Pushing:
+        """Return the stops that push in a state: those that are pressed in and whose force does not pull."""
+        pushing = []
+        for stop in np.flatnonzero(self.compliant).tolist():
+            u, rate, _ = self.clearance(stop, x, z)
+            if u < 0.0 and u + self.lag(stop) * rate < 0.0:
+                pushing.append(stop)
+        return tuple(pushing)
 
     def rebound(self, stop: int, closing: float) -> tuple[float, float]:
         """Return r and R of an impact with that scaled clearance rate; -1, no jump, for compliant stops."""

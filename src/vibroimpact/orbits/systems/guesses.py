@@ -67,16 +67,6 @@ class Occurrence(NamedTuple):
     pushing: Pushing
 
 
-def pressed(flow: Flow, x: Floats, z: Floats) -> Pushing:
-    """Return the stops that push in a state: compliant stops that are pressed in and whose force does not pull."""
-    pushing = []
-    for stop in np.flatnonzero(flow.compliant).tolist():
-        u, rate, _ = flow.clearance(stop, x, z)
-        if u < 0.0 and u + flow.lag(stop) * rate < 0.0:
-            pushing.append(stop)
-    return tuple(pushing)
-
-
 def traced(flow: Flow, n_periods: int, state: Any, stops: tuple[int, ...] | int) -> tuple[Cycle, Floats] | None:
     """Return the cycle in which the motion from a state strikes these stops, hardest impact first, and its unknown.
 
@@ -114,7 +104,7 @@ def traced(flow: Flow, n_periods: int, state: Any, stops: tuple[int, ...] | int)
 
 def occurrences(flow: Flow, x: Floats, angle: float, last: float) -> Iterator[Occurrence]:
     """Yield the events of the motion from a state at an angle, up to another angle, at most `MOST_EVENTS`."""
-    pushing, last_stop, number = pressed(flow, x, flow.drive(angle)), -1, 0
+    pushing, last_stop, number = flow.pressed(x, flow.drive(angle)), -1, 0
     while angle <= last and number <= MOST_EVENTS:
         longest = CHUNK / flow.phase(pushing).fastest
         occurrence = _next(flow, x, angle, longest, pushing, last_stop)
@@ -124,7 +114,7 @@ def occurrences(flow: Flow, x: Floats, angle: float, last: float) -> Iterator[Oc
         yield occurrence
         event, x, angle, number = occurrence.event, occurrence.x, occurrence.angle, number + 1
         x, last_stop = flow.struck(event.stop, x, flow.drive(angle)), event.stop
-        pushing = event.then(pushing, flow.compliant.tolist())
+        pushing = flow.after(event, pushing)
 
 
 def _next(flow: Flow, x: Floats, angle: float, longest: float, pushing: Pushing, last_stop: int) -> Occurrence | None:
@@ -187,15 +177,12 @@ def _from_angles(cycle: Cycle, angles: Floats) -> Floats:
 
 
 def _with_releases(flow: Flow, stops: tuple[int, ...], angles: Floats, end: float) -> tuple[tuple[Event, ...], Floats]:
-    """Return the impacts and the ends of their contacts, each lasting half a period of a mass on the stop's spring.
+    """Return the events of contacts that each last half a period of a mass on the stop's spring, or no time.
 
     `end` is the angle of the first impact of the next cycle.
     """
-    events, times = [], []
+    events: list[tuple[float, Event]] = []
     for stop, touch, after in zip(stops, angles, [*angles[1:], end], strict=True):
-        events.append(Event(stop, IMPACT))
-        times.append(touch)
-        if flow.compliant[stop]:
-            events.append(Event(stop, LET_GO))
-            times.append(touch + min(np.pi / flow.phase((stop,)).fastest, SHARE * (after - touch)))
-    return tuple(events), np.array(times)
+        lasting = min(np.pi / flow.phase((stop,)).fastest, SHARE * (after - touch))
+        events += zip((touch, touch + lasting), flow.contact(stop), strict=False)
+    return tuple(event for _, event in events), np.array([angle for angle, _ in events])

@@ -11,7 +11,6 @@ from vibroimpact.backends.modal.carry import Carrier
 from vibroimpact.cells import Floats
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.systems.flow import Flow
-from vibroimpact.orbits.systems.guesses import pressed
 from vibroimpact.orbits.systems.orbit import cycle_of
 
 
@@ -58,7 +57,7 @@ def _acceleration(orbit: Any, flow: Flow, state: Floats, turn: float) -> Floats:
     system, angle = orbit.system, 2.0 * np.pi * turn
     x = np.linalg.solve(flow.physical, state).astype(np.float64)
     z = flow.drive(angle)
-    free: Floats = flow.omega * (flow.physical @ flow.rate(x, z, pressed(flow, x, z)))[flow.n :]
+    free: Floats = flow.omega * (flow.physical @ flow.rate(x, z, flow.pressed(x, z)))[flow.n :]
     closed = [stop for stop, begin, end in orbit.rests if (turn - begin) % orbit.n_periods < end - begin]
     if not closed:
         return free

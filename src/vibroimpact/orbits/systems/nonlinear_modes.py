@@ -16,7 +16,7 @@ from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.results import Orbits
 from vibroimpact.orbits.systems.admissibility import flown, objection
 from vibroimpact.orbits.systems.conserved import FreeCycle, Member, corrected, member, misses, sizes
-from vibroimpact.orbits.systems.events import IMPACT, LET_GO, Event
+from vibroimpact.orbits.systems.events import LET_GO, Event
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.guesses import occurrences
 from vibroimpact.orbits.systems.orbit import SystemOrbit
@@ -114,12 +114,11 @@ def born(system: ImpactSystem, at: int, size: float = BORN) -> Member | None:
     amplitude, touched = first_contact(flow, at)
     images, _ = mirror(system)
     half = min(size, BORN / max(flow.phase((stop,)).fastest if flow.compliant[stop] else 1.0 for stop in touched))
-    events = []
+    events: list[tuple[float, Event]] = []
     for stop in touched.tolist():
         middle = 0.0 if flow.beta[stop, at] > 0.0 else math.pi
         if not (images and middle):
-            events.append((middle - half, Event(stop, IMPACT)))
-            events += [(middle + half, Event(stop, LET_GO))] if flow.compliant[stop] else []
+            events += zip((middle - half, middle + half), flow.contact(stop), strict=False)
     events.sort(key=lambda each: each[0])
     p, begin, stop = len(events), events[0][0], events[0][1].stop
     z = np.zeros(p + 2 * flow.n + 2)
@@ -216,9 +215,9 @@ def gained(passed: Member) -> Member | None:
     for _ in range(SHORTENED):
         events = list(zip(unknown.tolist(), cycle.events, strict=False))
         for angle, stop, pushing in touches:
-            kinds = (LET_GO, IMPACT) if stop in pushing else (IMPACT, LET_GO) if flow.compliant[stop] else (IMPACT,)
-            times = (angle - size, angle + size) if len(kinds) > 1 else (angle,)
-            events += [(time, Event(stop, kind)) for time, kind in zip(times, kinds, strict=True)]
+            contact = flow.contact(stop)
+            times = (angle - size, angle + size) if len(contact) > 1 else (angle,)
+            events += zip(times, contact[::-1] if stop in pushing else contact, strict=True)
         new = events[len(cycle.events)]
         events.sort(key=lambda each: each[0])
         at, p = events.index(new), len(events)

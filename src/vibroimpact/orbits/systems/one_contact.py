@@ -18,8 +18,6 @@ are simple zeros.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from vibroimpact.cells import Floats
@@ -30,7 +28,7 @@ from vibroimpact.orbits.systems.admissibility import courses
 from vibroimpact.orbits.systems.closed_form import EPS, VANISHED, not_isolated, nowhere, unforced
 from vibroimpact.orbits.systems.common_zeros import NODES, common_zeros
 from vibroimpact.orbits.systems.cycle import Cycle
-from vibroimpact.orbits.systems.events import IMPACT, LET_GO, Event, Pushing
+from vibroimpact.orbits.systems.events import Pushing
 from vibroimpact.orbits.systems.flow import Flow, growth
 from vibroimpact.parameters import counted
 
@@ -41,8 +39,7 @@ SHARES = (np.arange(8) + 0.5) / 8  # samples of a contact, at which the force mu
 
 def one_contact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
     """Return the cycles and unknowns of all orbits with one contact per cycle, and which others may be missed."""
-    flow, ((stop, _),) = cycle.flow, cycle.events
-    cycle = replace(cycle, events=(Event(stop, IMPACT), Event(stop, LET_GO)))
+    flow = cycle.flow
     if why := _not_isolated(cycle):
         return [], why
     zeros = common_zeros(lambda lows, width: _coefficients(cycle, lows, width), cycle.length, flow.orders)

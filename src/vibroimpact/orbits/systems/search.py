@@ -22,7 +22,6 @@ from vibroimpact.orbits.orbit import true_cycle
 from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits, lost, numbers_of, ordered, other_name
 from vibroimpact.orbits.systems.closed_form import one_impact
 from vibroimpact.orbits.systems.cycle import Cycle
-from vibroimpact.orbits.systems.events import impacts_on
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.guesses import beginning, traced
 from vibroimpact.orbits.systems.one_contact import one_contact
@@ -79,26 +78,23 @@ def striking(
     flow, mirrored = Flow(system), images if symmetric else ()
     needs_no_guess = guess.none or not (guess.only_state or flow.compliant[sequences[0][0]])
     if len(sequences[0]) == 1 and needs_no_guess:
-        return _of_one(model, [Cycle(flow, n_periods, impacts_on(sequence), mirrored) for sequence in sequences])
+        return _of_one(model, [Cycle(flow, n_periods, flow.contact(stop), mirrored) for (stop,) in sequences])
     return _from(model, *beginning(flow, n_periods, sequences[0], mirrored, guess), images)
 
 
 def cycles_of_one_impact(system: ImpactSystem, n_periods: int) -> list[Cycle]:
-    """Return the cycles with one impact, for each stop, and those with one impact on each stop of a mirrored pair.
-
-    On a compliant stop the impact is the beginning of a contact, whose end is still unknown.
-    """
+    """Return the cycles with one impact, for each stop, and those with one impact on each stop of a mirrored pair."""
     flow, images = Flow(system), mirror(system)[0] if n_periods % 2 else ()
-    cycles = [Cycle(flow, n_periods, impacts_on((stop,))) for stop in range(len(system.stops))]
-    return cycles + [Cycle(flow, n_periods, impacts_on((at,)), images) for at, image in enumerate(images) if at < image]
+    cycles = [Cycle(flow, n_periods, flow.contact(stop)) for stop in range(len(system.stops))]
+    return cycles + [Cycle(flow, n_periods, flow.contact(at), images) for at, image in enumerate(images) if at < image]
 
 
 def of_one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
     """Return all solutions with the one impact of a cycle, and the reason if there are none.
 
-    For a compliant stop the reason also says which others may have been missed.
+    For contacts that last the reason also says which others may have been missed.
     """
-    return (one_contact if cycle.flow.compliant[cycle.events[0].stop] else one_impact)(cycle)
+    return (one_contact if len(cycle.events) > 1 else one_impact)(cycle)
 
 
 def _of_one(model: Model, cycles: Iterable[Cycle]) -> Orbits[SystemOrbit]:
@@ -145,8 +141,7 @@ def from_near(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orb
 
 def _with_near(orbits: Orbits[SystemOrbit], model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOrbit]:
     """Return orbits, with the one near a guess added if it is missing."""
-    compliant = any(stop.compliant for stop in model.at().stops)
-    if guess.none or guess.sticks or not compliant:
+    if guess.none or guess.sticks or all(stop.element.instantaneous for stop in model.at().stops):
         return orbits
     more = [one for one in from_near(model, n_periods, 1, guess) if not any(same_orbit(one, each) for each in orbits)]
     return ordered([*orbits, *more]) if more else orbits
@@ -210,7 +205,7 @@ def find_near(
 ) -> Orbits[SystemOrbit]:
     """Return the orbit to which a motion has settled, from the times of its impacts, or a state if contacts last."""
     all_stops = model.at().stops
-    guess = Guess.of(state) if any(all_stops[stop].compliant for stop in stops) else Guess(times)
+    guess = Guess(times) if all(all_stops[stop].element.instantaneous for stop in stops) else Guess.of(state)
     try:
         return striking(model, n_periods, tuple(stops), guess)
     except ValueError:  # the motion does not repeat these impacts

@@ -24,8 +24,9 @@ from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import cycle_name
 from vibroimpact.motion.recognition import recurrence
 from vibroimpact.options import Tolerances
+from vibroimpact.orbits import newton
 from vibroimpact.orbits.equations import SAME, TURN
-from vibroimpact.orbits.newton import CLOSE, MOST_STEPS, SHORTEST, SINGULAR, Solved
+from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Rest, family_of, phases_of
 from vibroimpact.orbits.results import Guess, Orbits, lost, other_name
 from vibroimpact.orbits.systems.contacts import Contact
@@ -189,34 +190,20 @@ def _quiet_state(history: _History, carrier: Carrier, state: State, period: floa
 
 
 def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tuple[Solved, Floats]:
-    """Return the fixed point that Newton's method reaches, and P' there, without a free centre.
-
-    Steps are halved while they increase the residual.
-    """
+    """Return the fixed point that Newton's method reaches, and P' there, without a free centre."""
     x, phase = carrier.state(np.array(state.displacement), np.array(state.velocity)), state.time / period % 1.0
     felt = ~carrier.neutral
-    beside = np.ix_(felt, felt)
-    end, derivative = carrier.over(x, phase, n_periods)
-    for _ in range(MOST_STEPS):
-        derivative = derivative[beside]
-        matrix = np.eye(len(derivative)) - derivative
-        if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > SINGULAR:
-            return Solved(x, False, True), derivative
-        step, part, size = np.zeros(len(x)), 1.0, np.abs(x[felt]).max()
-        step[felt] = np.linalg.solve(matrix, (end - x)[felt])
-        small = np.abs(step).max() < CLOSE * size
-        while part > SHORTEST:
-            trial = x + part * step
-            later, slope = carrier.over(trial, phase, n_periods)
-            if small or np.abs((later - trial)[felt]).max() < np.abs((end - x)[felt]).max():
-                break
-            part *= 0.5
-        else:
-            break
-        x, end, derivative = trial, later, slope
-        if small:
-            return Solved(x, True), derivative[beside]
-    return Solved(x, False), derivative
+    derivative = np.eye(int(felt.sum()))
+
+    def linearised(unknown: Floats) -> tuple[Floats, Floats]:
+        x[felt] = unknown
+        end, slope = carrier.over(x, phase, n_periods)
+        derivative[:] = slope[np.ix_(felt, felt)]
+        return (x - end)[felt], np.eye(len(unknown)) - derivative
+
+    sizes = np.full(len(derivative), np.abs(x[felt]).max() or 1.0)
+    solved = newton.solve(linearised, x[felt], (sizes, sizes), lambda unknown: True)
+    return replace(solved, z=x), derivative
 
 
 def _from_release(history: _History, names: tuple[str, ...], n_periods: int) -> _History:
