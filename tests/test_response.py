@@ -212,3 +212,14 @@ def test_a_gap_may_be_varied_through_zero_and_below():
 def test_what_cannot_be_followed_is_refused(call, words):
     with pytest.raises(ValueError, match="|".join([words])):
         call()
+
+
+def test_a_branch_tells_how_far_its_orbits_swing():
+    model = soft()
+    orbit = next(orbit for orbit in vi.find_orbit(model.replace(omega=1.03)) if orbit.stable)
+    branch = vi.continue_orbit(orbit, "omega", (1.0, 1.04))
+    swings = branch.response(of=0)
+    assert np.array_equal(swings["omega"], branch.values)
+    mapped = vi.parameter_map(model, omega=branch.values[:3], indices=FIELDS, sample_impacts=300)
+    for name in FIELDS:
+        assert np.allclose(mapped[name], swings[name][:3], rtol=1e-8)

@@ -17,9 +17,9 @@ from vibroimpact.continuation.branch import continue_orbit
 from vibroimpact.continuation.equations import Range
 from vibroimpact.continuation.following import check_range, check_share
 from vibroimpact.continuation.lines import covered
-from vibroimpact.continuation.results import BifurcationPoint, Branch, axis, kind_variable
+from vibroimpact.continuation.results import BifurcationPoint, Branch, axis, kind_variable, responses
 from vibroimpact.dataset import dataset_of, flags, plain_variable, provenance
-from vibroimpact.indices import DISPLACEMENTS, EVERY
+from vibroimpact.indices import DISPLACEMENTS
 from vibroimpact.model import Model, check_model
 from vibroimpact.model.points import observed
 from vibroimpact.orbits.search import find_orbit
@@ -73,7 +73,7 @@ class ResponseCurve(Shown):
         points = [_Points(at, values, *self._free(values)) for at, values in enumerate(self.steady)]
         points += [self._of_orbits(at, branch) for at, branch in enumerate(self.branches, len(points))]
         special = self.special
-        content = _responses("point", [row for part in points for row in part.rows])
+        content = responses("point", [row for part in points for row in part.rows])
         content |= {
             "part": plain_variable("point", np.repeat([p.part for p in points], [len(p.rows) for p in points]), PART),
             "impacts": plain_variable("point", np.concatenate([p.impacts for p in points]), IMPACTS),
@@ -81,7 +81,7 @@ class ResponseCurve(Shown):
             "special_kind": kind_variable("special", [point.kind for point in special]),
             "special_value": axis(self.model, self.parameter, "special", [point.value for point in special]),
         }
-        of_special = _responses("special", [response_of(point.orbit, of=self.of) for point in special])
+        of_special = responses("special", [response_of(point.orbit, of=self.of) for point in special])
         content |= {f"special_{name}": column for name, column in of_special.items()}
         values = np.concatenate([part.values for part in points])
         attrs = provenance("response_curve", self.model, self.arguments) | {"message": self.message}
@@ -122,13 +122,6 @@ class _Points(NamedTuple):
     rows: list[Response]
     impacts: Any
     stable: Any
-
-
-def _responses(dim: str, rows: list[Response]) -> dict[str, Any]:
-    """Return responses as labelled variables."""
-    columns = np.array(rows).reshape(-1, len(DISPLACEMENTS)).T
-    named = zip(DISPLACEMENTS, columns, strict=True)
-    return {name: plain_variable(dim, column, EVERY[name].label) for name, column in named}
 
 
 def response_curve(

@@ -19,9 +19,11 @@ from vibroimpact.dataset import (
     provenance,
     variable,
 )
+from vibroimpact.indices import DISPLACEMENTS, EVERY
 from vibroimpact.model import Model
 from vibroimpact.orbits.labelled import number, orbit_variables
 from vibroimpact.orbits.orbit import SPLIT
+from vibroimpact.orbits.systems.response import Response, response_of
 from vibroimpact.parameters import ENERGY, counted, parameter_of
 from vibroimpact.showing import Shown, Table
 
@@ -161,6 +163,45 @@ class Branch(Shown):
         of_special = orbit_variables([point.orbit for point in self.special], p, "special")
         content |= {f"special_{name}": of_special[name] for name in ("velocity", "phase")}
         return _along(self, content, {self.parameter: self.values}, "continue_orbit", {"parameter": self.parameter})
+
+    def response(self, of: Any = None) -> xr.Dataset:
+        """Return how far the motion swings on each orbit.
+
+        Parameters
+        ----------
+        of : str, int or sequence of n float, optional
+            As in `response_of`.
+
+        Returns
+        -------
+        xarray.Dataset
+            `amplitude`, `rms`, `mean`, `harmonic_amplitude` (m) and `harmonic_phase` (rad) over `point`, with the
+            parameter.
+
+        Raises
+        ------
+        ValueError
+            `of` is none of the model's points, stops or coordinates, or an orbit rests at a stop.
+
+        Examples
+        --------
+        >>> import vibroimpact as vi
+        >>> orbit = vi.find_orbit(vi.ImpactOscillator(omega=2.5))[0]
+        >>> branch = vi.continue_orbit(orbit, "omega", (2.4, 2.6))
+        >>> swings = branch.response()
+        >>> bool((swings["amplitude"] > swings["rms"]).any())
+        True
+        """
+        content = responses("point", [response_of(orbit, of=of) for orbit in self.orbits])
+        values = axis(self.orbits[0].model, self.parameter, "point", self.values)
+        return dataset_of(content, {self.parameter: values})
+
+
+def responses(dim: str, rows: Sequence[Response]) -> dict[str, Any]:
+    """Return responses as labelled variables."""
+    columns = np.array(rows).reshape(-1, len(DISPLACEMENTS)).T
+    named = zip(DISPLACEMENTS, columns, strict=True)
+    return {name: plain_variable(dim, column, EVERY[name].label) for name, column in named}
 
 
 @dataclass(frozen=True, repr=False)
