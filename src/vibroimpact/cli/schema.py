@@ -392,7 +392,7 @@ _KEYS = (
     Key("time", table="start", check=real_number),
     TOLERANCE, Key("flight_periods", table="tolerances", check=TOLERANCE.check),
     Key("steps_per_impact", table="tolerances", check=TOLERANCE.check),
-    INDICES, BACKEND, TIME_STEP, WORKERS, SECTION, DIRECTION, EVERY_IMPACT, BY_STOP, STARTS, COORDINATE,
+    INDICES, BACKEND, TIME_STEP, WORKERS, SECTION, DIRECTION, EVERY_IMPACT, BY_STOP, STARTS, COORDINATE, OF,
 )  # fmt: skip
 TABLES: dict[str, dict[str, Callable[[str, Any], Any]]] = {}  # of a study file: the checks of its keys
 for _key in _KEYS:

@@ -68,7 +68,11 @@ def _view_of(path: str | os.PathLike[str], model: Model | None, name: str) -> tu
     dims = [str(dim) for dim in status.dims] if status is not None else []
     sweep = sweep.drop_vars([key for key, index in sweep.data_vars.items() if not set(index.dims) <= set(dims)])
     indices = [key for key in sweep.data_vars if key in INDICES]
-    if len(dims) < 2 or not indices or any(axis not in parameters for axis in dims):
+    if len(dims) > 1 and not indices:
+        raise ValueError(
+            f"`store` must hold one of {', '.join(INDICES)}, for all stops together; {os.fspath(path)!r} has none"
+        )
+    if len(dims) < 2 or any(axis not in parameters for axis in dims):
         raise ValueError(
             f"`store` must be a sweep over two or more of {', '.join(parameters)}"
             f"{' (or frequency for omega)' if 'omega' in parameters else ''}, got "
