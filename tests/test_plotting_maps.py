@@ -41,6 +41,16 @@ def with_holes():
     return sweep(std, status)
 
 
+def test_phases_have_colours_that_end_where_they_begin(ax):
+    sweep = vi.parameter_map(
+        vi.ImpactOscillator(), omega=[1.0, 2.0, 3.0], mass=[1.0, 2.0], indices=["harmonic_phase"], sample_impacts=50
+    )
+    plotting.index_contour(sweep, "harmonic_phase", ax=ax)
+    mesh = meshes(ax)[0]
+    assert (mesh.norm.vmin, mesh.norm.vmax) == (-np.pi, np.pi)
+    assert np.allclose(mesh.cmap(0.0), mesh.cmap(1.0), atol=0.02)
+
+
 def test_boundary_lines_lie_on_the_circle_where_a_paraboloid_has_its_level():
     (circle,) = plotting.boundary_lines(paraboloid(), "std", 0.25)
     assert circle.shape[1] == 2

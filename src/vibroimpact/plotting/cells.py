@@ -24,6 +24,7 @@ from vibroimpact.plotting.ticks import Scaled, power_of
 
 COLORS = "viridis"
 SIGNED = "RdBu_r"  # colour map of exponents, white at zero
+ROUND = "twilight"  # colour map of phases, which end where they begin
 SHOWN = 99.0  # percentage of the cells within the colour scale of exponents; the others saturate
 HATCH = "////"
 ROOT = "(root scale)"
@@ -123,7 +124,9 @@ def symmetric_limit(values: Floats) -> float:
 
 
 def colour_scale(sweep: xr.Dataset, field: xr.DataArray) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the colour map, scale and colour-bar note of an index: signed for exponents, else a square-root scale."""
+    """Return colour map, scale and colour-bar note of an index: a square-root scale but for exponents and phases."""
+    if field.attrs.get("units") == "rad":
+        return {"cmap": ROUND, "norm": Normalize(-np.pi, np.pi)}, {}
     if field.name not in EXPONENTS:
         return {"cmap": COLORS, "norm": root_shades(resolved(sweep, field))}, {"note": ROOT}
     values = field.values.astype(float)
