@@ -186,3 +186,21 @@ def test_an_axis_and_an_index_of_one_name_are_told_apart():
     loaded = vi.family(lambda load=1.0: osc.replace(amplitude=load))
     swings = vi.parameter_map(loaded, load=[1.0, 2.0], indices=["amplitude"], sample_impacts=50)["amplitude"]
     assert float(swings[1]) == pytest.approx(2.0 * float(swings[0]), rel=1e-9)
+
+
+def test_a_cell_of_a_stopped_map_has_its_indices_or_is_interrupted():
+    omega = np.linspace(2.7, 2.9, 2000)  # chaos
+    mapped = vi.parameter_map(
+        vi.ImpactOscillator(), omega=omega, indices=["rms"], sample_impacts=500, progress=lambda *_: False
+    )
+    done = mapped["status"] != vi.Status.INTERRUPTED
+    assert 0 < done.sum() < len(omega)
+    assert mapped["rms"].notnull().equals(done.rename("rms"))
+
+
+def test_without_a_driving_frequency_there_is_no_harmonic():
+    ground = vi.Stop(direction=-1.0, gap=1.0, restitution=0.9, name="ground")
+    ball = vi.ImpactSystem(mass=1.0, damping=0.1, stiffness=1.0, force=vi.Force(constant=-2.0), stops=[ground])
+    mapped = vi.parameter_map(ball, ground_gap=[0.5, 1.0], indices=["mean", "harmonic_phase"], sample_impacts=20)
+    assert "the load has none" in mapped["harmonic_phase"].attrs["no_value"]
+    assert mapped["mean"].values == pytest.approx([-0.5, -1.0])

@@ -100,6 +100,8 @@ def without_value(name: str, model: Model, of: Any = ()) -> str:
         return f"`{name}` is an index of systems; write the oscillator as an ImpactSystem"
     if name in ("max_force", "rms_force") and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):
         return f"`{name}` needs a compliant stop; the force of a rigid one has no largest value"
+    if name.startswith("harmonic") and not getattr(model, "periodic", True):
+        return f"`{name}` is that at the driving frequency; the load has none"
     if name in DISPLACEMENTS and of is None:
         return f"`{name}` is that of a point, a coordinate or a clearance; name it by `of`"
     return ""

@@ -49,6 +49,8 @@ class CpuBackend(Backend):
                     outcome = sweep.outcome(done)
                     if measurement.swings:
                         outcome |= _swings(cells[rows[done]], sweep, done, outcome["status"], measurement, stopped)
+                        if stopped():
+                            return  # they may not have been followed to their end
                     yield rows[done], outcome
 
         return work

@@ -49,7 +49,7 @@ def _returned(lanes, lane, k):
 
 @inner
 def _keep(lanes, lane, k, result, all_of_it):
-    """Add the sums to a result, or leave them alone there."""
+    """Add the sums to a result, or let them take its place."""
     for row in range(SWING + k.stops):
         value = lanes[(k.swing + row) * LANES + lane]
         if not all_of_it:
@@ -65,7 +65,7 @@ def _keep(lanes, lane, k, result, all_of_it):
 @inner
 def _turn(lanes, lane, notes, k, result):
     """End a driving period; return whether all is known."""
-    since, total = (IMPACTS * LANES + lane, PERIODS * LANES + lane)
+    since, total = IMPACTS * LANES + lane, PERIODS * LANES + lane
     notes[since] += 1.0
     notes[total] += 1.0
     returned, over = _returned(lanes, lane, k), notes[total] >= MOST
