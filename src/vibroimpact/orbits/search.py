@@ -222,7 +222,10 @@ def _of_its_type(model: Model, guess: Guess) -> Orbits[Any]:
 
 
 def stable_orbits(model: Model, n_periods: int) -> list[Any]:
-    """Return the stable period-n impact-1 orbits of a model, the hardest first."""
+    """Return the stable period-n impact-1 orbits of a model, the hardest first; unstable ones are not constructed."""
     osc = model.at()
-    orbits = one_mass.stable_orbits(osc, n_periods) if osc.forgets else find_orbit(model, n_periods=n_periods)
-    return [orbit for orbit in orbits if orbit.stable]
+    if osc.forgets:
+        return one_mass.stable_orbits(osc, n_periods)
+    from vibroimpact.orbits.systems import search as systems
+
+    return systems.stable_orbits(model, n_periods)

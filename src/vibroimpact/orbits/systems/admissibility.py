@@ -18,6 +18,8 @@ from vibroimpact.orbits.systems.events import PUSH_AGAIN, Pushing
 from vibroimpact.orbits.systems.flow import Flow
 
 MOST_SAMPLES = 1 << 16  # samples of one leg, at most
+GLANCES = 64  # places in each leg at which most inadmissible orbits are far beyond a stop
+FAR = 1e-6  # of its size: a deeper penetration is no rounding, and no solution's error
 TERMS = 14  # of a power series over one stride: 0.15^14/14! is below rounding
 BISECTIONS = 60
 RESOLVED = float(np.finfo(float).eps)  # of a step: accuracy of the place of a minimum, whose value is flat there
@@ -59,6 +61,22 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
             how = "touch {} too early, {:.3g} m deep" if flow.compliant[other] else "penetrate {}, by {:.3g} m"
             return f"after impact {number} it would {how.format(repr(names[other]), depth)} at phase {phase:.6g}"
     return ""
+
+
+def far_beyond(cycle: Cycle, unknown: Floats) -> bool:
+    """Whether an orbit is far beyond a stop at one of a few places between events, so that `objection` has a reason.
+
+    A stop that pushes, or whose force may have ended while u < 0, does not count.
+    """
+    flow = cycle.flow
+    for i in range(len(cycle.events)):
+        leg = cycle.leg(unknown, i)
+        free = [stop for stop in range(len(flow.beta)) if stop not in leg.pushing and not flow.lag(stop)]
+        gaps = sampled(leg, GLANCES).along(clearances(flow, leg.pushing)[free, 0])
+        sizes = np.abs(gaps).max(axis=1) + np.abs(flow.bounds[free]).sum(axis=1)
+        if (gaps[:, 1:-1] < -FAR * sizes[:, None]).any():
+            return True
+    return False
 
 
 def flown(cycle: Cycle, unknown: Floats, i: int) -> tuple[Leg, list[Course]]:
@@ -170,7 +188,7 @@ class Samples(NamedTuple):
     def along(self, forms: Floats) -> Floats:
         """Return linear forms of state and drive at all samples, one row per form."""
         rows = self.coarse.T @ (forms @ self.fine).transpose(1, 2, 0)
-        return rows.reshape(len(forms), -1)[:, : len(self.angles)]
+        return rows.reshape(len(forms), len(self.fine) * self.coarse.shape[1])[:, : len(self.angles)]
 
     def at(self, forms: Floats, which: Counts) -> Floats:
         """Return linear forms of state and drive at some samples, one row per form."""
@@ -186,10 +204,10 @@ def turning_points(series: Floats, samples: Samples, slopes: Floats) -> tuple[Fl
     return samples.angles[turning] + offsets, lowest
 
 
-def sampled(leg: Leg) -> Samples:
-    """Return samples of a leg, every 0.15 rad of the fastest rate."""
+def sampled(leg: Leg, number: int = 0) -> Samples:
+    """Return samples of a leg, every 0.15 rad of the fastest rate, or after each of a number of equal steps."""
     flow, n, size = leg.flow, 2 * leg.flow.n, len(leg.start)
-    number = max(FEWEST_SAMPLES, math.ceil(leg.duration * flow.phase(leg.pushing).fastest / STRIDE))
+    number = number or max(FEWEST_SAMPLES, math.ceil(leg.duration * flow.phase(leg.pushing).fastest / STRIDE))
     step = leg.duration / number
     grown, driven = flow.over(step, leg.pushing)
     power = np.eye(size)
