@@ -119,7 +119,8 @@ def find_orbit(
     -1, another mode is in internal resonance. Without contact the motion is linear, and the error tells its frequency
     and the energy of the first contact. Stops that are touched at the same instant, and families that wind through many
     grazes near an internal resonance, may leave the list empty; `message` then gives the energies that were reached. A
-    search takes 0.1 to 1 s, near internal resonances up to 20 s.
+    search takes 0.1 to 1 s, near internal resonances up to 30 s, during which a line on the error stream of a terminal
+    shows how many orbits have been followed (at most 500).
 
     References
     ----------

@@ -36,10 +36,10 @@ SHORTENED = 8  # halvings of the first contact beyond a graze, at most
 STRAIGHT = 0.97  # least cosine between the tangents at two orbits
 EASY = 4  # corrections, at most, before a longer step
 GROWTH = 1.6  # of the step after an easy one
-MOST = 250  # orbits followed in one direction, at most
+MOST = 500  # orbits followed in one direction, at most
 _ENDS = {"grazing": "grazes a stop", "lost": "is lost", "budget": f"was left after {MOST} orbits"}
 HALVINGS = 50  # in search of a fold between two orbits
-FAR = 0.2  # of a cycle: an event further from its return than this does not repeat
+REVERSED = 1e-6  # of a cycle: times that differ by less are equal
 
 
 def find_of_energy(design: Any, energy: Any, mode: Any) -> Orbits[SystemOrbit]:
@@ -206,6 +206,13 @@ def _alike(one: FreeCycle, other: FreeCycle) -> bool:
     return len(first) == len(second) and any(first == second[at:] + second[:at] for at in range(len(second)))
 
 
+def _reversible(one: Member) -> bool:
+    """Whether the times between events are the same in reverse, as those of a motion that is its own reversal."""
+    times = np.diff(one.at.angles(one.unknown))
+    close = REVERSED * float(times.sum())
+    return any(bool(np.abs(np.roll(times[::-1], at) - times).max() <= close) for at in range(len(times)))
+
+
 def gained(passed: Member) -> Member | None:
     """Return the first orbit beyond a graze with one more contact, short or slow, or with a short gap in a contact.
 
@@ -316,6 +323,8 @@ def follow(first: Member, longest: float, low: float, high: float, most: int = M
                 following = recast(following, step)
                 if following is not None and _alike(following.cycle, current.cycle):  # it would go back
                     following = shed(beyond)
+                if following is not None and _reversible(current) and not _reversible(following):
+                    following = None  # another family, which has one of two contacts that begin at once
         if following is not None and not low <= following.joules <= high:
             edge = at_energy(current, following, low if following.joules < low else high)
             if edge is not None:
