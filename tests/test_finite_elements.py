@@ -12,6 +12,8 @@ from scipy.optimize import brentq
 import vibroimpact as vi
 from vibroimpact.models import fe_beam, fe_rod
 from vibroimpact.models.beam_modes import beam_modes
+from vibroimpact.orbits.systems.orbit import cycle_of
+from vibroimpact.orbits.systems.sampling import places_of
 
 HERTZ = 2.0 * math.pi
 BUILDERS = {"beam": fe_beam, "rod": fe_rod}
@@ -378,3 +380,36 @@ def test_the_command_line_gives_the_motion_at_a_point(beam, run, refused, tmp_pa
     assert "unknown `point` 'top'; choose from tip, mid" in refused("simulate --model mine.py:beam --point top")
     assert "`--point` needs a motion" in refused("section --model mine.py:beam --point tip")
     assert "the system has no named points" in refused("simulate -p w=2 --point tip")
+
+
+def stiffly_damped(elements):
+    """Return a driven cantilever of steel, damped in proportion to its stiffness, with a spring behind a gap."""
+    return fe_beam(
+        length=0.7, elements=elements, supports={0: "clamp"}, section={"width": 0.03, "thickness": 0.03},
+        youngs_modulus=185e9, density=7830.0, points={"spring": 0.3, "tip": 0.7}, rayleigh=(0.0, 1.3e-4),
+        force=vi.Force(frequency=48.5, harmonics={1: {"tip": 20.0}}),
+        stops=[vi.Stop(direction={"spring": 1.0}, gap=1e-3, stiffness=1.3e6, name="spring")],
+    )  # fmt: skip
+
+
+@pytest.mark.long(but=1)
+@pytest.mark.parametrize("elements", [6, 10, 20])
+def test_orbits_of_beams_are_found_whose_fastest_modes_decay_within_a_millionth_of_a_period(elements):
+    """With twenty elements their rates are up to 5e8/s, more than a million times that of the force."""
+    model = stiffly_damped(elements)
+    (orbit,) = vi.find_orbit(model)
+    assert orbit.stable
+    cycle, unknown = cycle_of(orbit)
+    assert sum(sum(part[3] for part in places_of(cycle.leg(unknown, i))) for i in range(2)) < 20_000
+    (coarse,) = vi.find_orbit(stiffly_damped(5))
+    assert orbit.velocities == pytest.approx(coarse.velocities, rel=0.01)
+
+
+@pytest.mark.long
+def test_such_an_orbit_is_the_motion_that_is_simulated():
+    model = stiffly_damped(4)
+    (orbit,) = vi.find_orbit(model)
+    motion = model.at_point("tip", vi.simulate(model, start=orbit.start, periods=1, samples_per_period=4000))
+    tip = motion["displacement"].values
+    assert tip[-1] == pytest.approx(tip[0], abs=1e-11 * np.abs(tip).max())
+    assert vi.response_of(orbit, of="tip").amplitude == pytest.approx(0.5 * np.ptp(tip), rel=1e-6)

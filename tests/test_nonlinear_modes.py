@@ -150,6 +150,31 @@ def test_an_orbit_closes_after_its_period_and_has_the_energy_that_was_given(seed
     assert orbit.energy == pytest.approx(energy, rel=1e-13)
 
 
+@pytest.mark.long(but=1)
+@pytest.mark.parametrize(("seed", "factor"), [(1, 6.84), (55, 11.41), (47, 5.81)])
+def test_a_family_is_followed_beyond_grazes_at_which_contacts_vanish(seed, factor):
+    """Two contacts vanish at once, since the motion is its own reversal in time; with one, it is of another family."""
+    system, mode = design(seed)
+    energy = factor * first_contact(system, mode)
+    (orbit,) = vi.find_orbit(system, energy=energy, mode=mode)
+    assert orbit.admissible
+    assert orbit.energy == pytest.approx(energy, rel=1e-12)
+    q, speed = between_events(orbit)
+    motion = vi.simulate(orbit.system, start=vi.State(list(q), list(speed)), duration=orbit.period)
+    assert motion.sizes["impact"] == orbit.n_impacts
+    end = np.append(motion["displacement"].values[-1], motion["velocity"].values[-1])
+    assert end == pytest.approx(np.append(q, speed), rel=0.0, abs=1e-11 * orbit.spectral_radius)
+
+
+def test_a_search_for_an_energy_shows_how_many_orbits_it_has_followed(monkeypatch):
+    seen = []
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    monkeypatch.setattr("vibroimpact.progress.Passing.__call__", lambda self, done, *_: seen.append(done))
+    vi.find_orbit(TWO, energy=3.0)
+    assert seen == list(range(1, len(seen) + 1))
+    assert len(seen) > 3
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_two_multipliers_are_1_and_the_others_those_of_the_integrated_motion(seed):
     system, mode = design(seed)

@@ -10,6 +10,10 @@ import vibroimpact as vi
 from codes import Engine, Witness
 from systems import a_random_system, impacts, linear, springs_of, system, two_masses
 from vibroimpact.backends.reference.systems import follow
+from vibroimpact.orbits.systems.admissibility import clearances, courses
+from vibroimpact.orbits.systems.cycle import Leg
+from vibroimpact.orbits.systems.flow import Flow
+from vibroimpact.orbits.systems.sampling import evenly, sampled
 
 # Hard cases.
 
@@ -222,3 +226,41 @@ def test_twins_that_rest_at_two_stops_are_let_go_at_one_instant_and_fly_on(resti
     number = min(len(strong), len(expected), 40)
     assert number > 30
     np.testing.assert_allclose(strong[:number], expected[:number], rtol=1e-6)
+
+
+def overdamped(rng):
+    """Return a system whose fastest components decay in a small part of a period, and what it moves on from."""
+    n = int(rng.integers(1, 6))
+    inertia, springs, dampers = (rng.standard_normal((n, n)) for _ in range(3))
+    stiffness = springs @ np.diag(10.0 ** rng.uniform(0.0, 2.0, n)) @ springs.T + 0.1 * np.eye(n)
+    viscous = (dampers * 10.0 ** rng.uniform(0.0, 1.2, n)) @ (dampers * 10.0 ** rng.uniform(0.0, 1.2, n)).T
+    damping = rng.choice([0.1, 1.0, 10.0]) * stiffness if rng.random() < 0.5 else 0.5 * (viscous + viscous.T)
+    damping += max(0.0, -2.0 * np.linalg.eigvalsh(damping)[0]) * np.eye(n)
+    gives = {"stiffness": 10.0 ** rng.uniform(1.0, 3.0), "name": "soft"}
+    stops = [
+        vi.Stop(direction=rng.standard_normal(n), gap=rng.uniform(0.1, 1.0), name="hard", restitution=0.5),
+        vi.Stop(direction=rng.standard_normal(n), gap=rng.uniform(0.1, 1.0), **gives),
+    ]
+    load = {1: rng.standard_normal(n), 3: 0.3 * rng.standard_normal(n)}
+    flow = Flow(system(inertia @ inertia.T + np.eye(n), damping, stiffness, rng.uniform(0.5, 2.0), stops, load))
+    start = np.concatenate([rng.standard_normal(2 * n), flow.drive(rng.uniform(0.0, 6.0))])
+    return Leg(flow, start, 2.0 * math.pi * rng.uniform(0.3, 3.0), (1,) if rng.random() < 0.5 else ())
+
+
+@pytest.mark.long(but=4)
+@pytest.mark.parametrize("seed", range(24))
+def test_components_that_have_decayed_need_no_places_and_hide_no_turning_point(seed):
+    """Clearances are those of the matrix exponential, and nowhere below their minima."""
+    leg = overdamped(np.random.default_rng(seed))
+    law, rows = sampled(leg)[0].stage.law, clearances(leg.flow)
+    everywhere = evenly(leg, 30_000).along(rows)
+    parts = sampled(leg)
+    assert sum(len(part.angles) for part in parts) < 6000
+    for course in courses(leg):
+        sign = -1.0 if course.stop in leg.pushing else 1.0  # there the force, which is -u over the stiffness
+        for angles, gaps in ((course.angles, course.gaps), (course.places, course.lowest)):
+            some = np.linspace(0, len(angles) - 1, min(len(angles), 12)).astype(int)
+            exact = [sign * float(rows[course.stop] @ expm(law * angle) @ leg.start) for angle in angles[some]]
+            np.testing.assert_allclose(gaps[some], exact, rtol=0.0, atol=1e-11 * course.size)
+        lowest = min(course.gaps.min(), course.lowest.min(initial=math.inf))
+        assert lowest <= (sign * everywhere[course.stop]).min() + 1e-11 * course.size

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
+import systems
 import vibroimpact as vi
 from cells import make_cells
 from processes import python
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
+from vibroimpact.orbits.search import stable_orbits
 from vibroimpact.orbits.systems import admissibility, flow
 
 OSC = vi.ImpactOscillator()
@@ -114,3 +116,23 @@ def test_each_orbit_of_a_branch_is_made_once(model, span, monkeypatch):
     # Newton's method takes some four, with two differences by the parameter each.
     assert len(exponentials) - len(set(exponentials)) <= 0.05 * len(exponentials)
     assert len(exponentials) <= 16 * len(legs)
+
+
+def test_stable_orbits_of_twenty_stops_are_found_without_testing_each_solution_at_every_place(monkeypatch):
+    tube, seen = vi.models.tube_in_many_supports(supports=10, modes=12), []
+    spy = lambda *given: seen.append(given) or admissibility.objection(*given)  # noqa: E731
+    monkeypatch.setattr("vibroimpact.orbits.systems.orbit.objection", spy)
+    assert stable_orbits(tube, 1) == [] == stable_orbits(tube, 3)
+    assert not seen
+    assert len(vi.find_orbit(tube)) == len(seen) == 16  # each with its reason
+
+
+def test_stable_orbits_are_those_of_all_orbits():
+    rng, number = np.random.default_rng(5), 0
+    machines = [vi.models.gear_pair(), vi.models.bouncing_ball(), vi.models.bilinear_oscillator()]
+    for model in [*machines, *(systems.on_springs(rng) for _ in range(8)), systems.a_random_system(rng, 2)]:
+        for n in range(1, 5):
+            stable = [each for each in vi.find_orbit(model, n_periods=n) if each.stable]
+            assert stable_orbits(model, n) == stable
+            number += len(stable)
+    assert number >= 5

@@ -28,12 +28,17 @@ class Solved:
 
 
 def solve(
-    linearised: Linearised, start: Floats, sizes: tuple[Floats, Floats], in_order: Callable[[Floats], bool]
+    linearised: Linearised,
+    start: Floats,
+    sizes: tuple[Floats, Floats],
+    in_order: Callable[[Floats], bool],
+    close: float = CLOSE,
 ) -> Solved:
     """Return the solution that damped Newton's method reaches: a step is halved while it increases the residuals.
 
     `linearised` returns the residuals and their derivative, `sizes` are the scales of the residuals and of the
-    unknowns, and `in_order` tests whether the events are in the order of time.
+    unknowns, `in_order` tests whether the events are in the order of time, and the last relative correction is below
+    `close`.
     """
     rows, columns = sizes
 
@@ -50,12 +55,12 @@ def solve(
         while part > SHORTEST:
             trial = z - part * columns * correction
             trial_misses, slope = scaled(trial)
-            if largest < CLOSE or (np.abs(trial_misses).max() < np.abs(misses).max() and in_order(trial)):
+            if largest < close or (np.abs(trial_misses).max() < np.abs(misses).max() and in_order(trial)):
                 break
             part *= 0.5
         else:
             break
-        if largest < CLOSE:
+        if largest < close:
             return Solved(trial, in_order(trial), bool(np.linalg.cond(matrix) > SINGULAR))
         z, misses, matrix = trial, trial_misses, slope
     return Solved(z, False, bool(not np.isfinite(matrix).all() or np.linalg.cond(matrix) > SUSPECT))

@@ -3,32 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from vibroimpact.backends.base import Counts
 from vibroimpact.cells import Floats
-from vibroimpact.matrices import block_matrix
 from vibroimpact.orbits.admissibility import ROUNDING
-from vibroimpact.orbits.equations import FEWEST_SAMPLES, STRIDE, TURN
+from vibroimpact.orbits.equations import STRIDE, TURN
 from vibroimpact.orbits.systems.cycle import Cycle, Leg
-from vibroimpact.orbits.systems.events import PUSH_AGAIN, Pushing
+from vibroimpact.orbits.systems.events import PUSH_AGAIN
 from vibroimpact.orbits.systems.flow import Flow
+from vibroimpact.orbits.systems.sampling import Samples, evenly, places_of, pulls, sampled, turning_points
 
 MOST_SAMPLES = 1 << 16  # samples of one leg, at most
-TERMS = 14  # of a power series over one stride: 0.15^14/14! is below rounding
-BISECTIONS = 60
-RESOLVED = float(np.finfo(float).eps)  # of a step: accuracy of the place of a minimum, whose value is flat there
+GLANCES = 64  # places in each leg at which most inadmissible orbits are far beyond a stop
+FAR = 1e-6  # of its size: a deeper penetration is no rounding, and no solution's error
 
 
 def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
     """Return the reason why the system cannot move along this orbit; empty if it can.
 
-    Each leg is sampled every 0.15 rad of the fastest rate. Power series give every minimum between samples of every
-    clearance, and of the force of every pushing stop. A minimum above -1e-12 of its size does not count as penetration.
-    At the beginning and end of a leg, the value for the stop of that event is taken as 0, as the equations require.
+    Each leg is sampled every 0.15 rad of the fastest rate that has not decayed. Power series give every minimum between
+    samples of every clearance, and of the force of every pushing stop. A minimum above -1e-12 of its size does not
+    count as penetration. At the beginning and end of a leg, the value for the stop of that event is taken as 0, as the
+    equations require.
     """
     flow, states = cycle.flow, cycle.states(unknown)
     speeds, angles, size = cycle.speeds(unknown), cycle.angles(unknown), np.abs(states[0]).max()
@@ -41,9 +40,9 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
             return f"after impact {number} {name!r} would push again before contact begins"
     for i, event in enumerate(cycle.events):
         leg, number = cycle.leg(unknown, i), sum(at <= i for at in cycle.impacts)
-        turned = leg.duration * flow.phase(leg.pushing).fastest
-        if turned > STRIDE * MOST_SAMPLES:
-            turns = turned / TURN
+        places = sum(steps for *_, steps in places_of(leg))
+        if places > MOST_SAMPLES:
+            turns = places * STRIDE / TURN
             return f"the flight after impact {number} takes {turns:.2g} periods of the fastest mode and was not checked"
         after, drive = np.split(leg.start, [2 * flow.n])
         if flow.restitution[event.stop] == 0.0 and flow.clearance(event.stop, after, drive, leg.pushing)[2] < 0.0:
@@ -59,6 +58,22 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
             how = "touch {} too early, {:.3g} m deep" if flow.compliant[other] else "penetrate {}, by {:.3g} m"
             return f"after impact {number} it would {how.format(repr(names[other]), depth)} at phase {phase:.6g}"
     return ""
+
+
+def far_beyond(cycle: Cycle, unknown: Floats) -> bool:
+    """Whether an orbit is far beyond a stop at one of a few places between events, so that `objection` has a reason.
+
+    A stop that pushes, or whose force may have ended while u < 0, does not count.
+    """
+    flow = cycle.flow
+    for i in range(len(cycle.events)):
+        leg = cycle.leg(unknown, i)
+        free = [stop for stop in range(len(flow.beta)) if stop not in leg.pushing and not flow.lag(stop)]
+        gaps = evenly(leg, GLANCES).along(clearances(flow)[free])
+        sizes = np.abs(gaps).max(axis=1) + np.abs(flow.bounds[free]).sum(axis=1)
+        if (gaps[:, 1:-1] < -FAR * sizes[:, None]).any():
+            return True
+    return False
 
 
 def flown(cycle: Cycle, unknown: Floats, i: int) -> tuple[Leg, list[Course]]:
@@ -132,118 +147,51 @@ def courses(leg: Leg, struck: int = -1) -> Iterator[Course]:
 
     A compliant stop whose force has ended while u < 0 exerts no force as long as that force would pull.
     """
-    flow, n, samples = leg.flow, 2 * leg.flow.n, sampled(leg)
-    for stop, row in enumerate(clearances(flow, leg.pushing)):
-        lag, bound = flow.lag(stop), row[0].copy()
-        bound[:n] = 0.0
-        pull = pulls(row, lag)
-        gaps, rates, bounds = samples.along(np.stack([row[0], row[1], bound]))
-        size = float(max(np.abs(gaps - bounds).max(), np.abs(bounds).max()))
-        if stop == struck and flow.restitution[stop] == 0.0:
-            rates[0] = 0.0
-        closing = bool(rates[-1] < 0.0)
-        if stop in leg.pushing:
-            forces, slopes = samples.along(-pull[:2])
-            yield Course(stop, samples.angles, forces, *turning_points(-pull, samples, slopes), size, closing)
-            continue
-        places, lowest = turning_points(row, samples, rates)
-        if lag:
-            pulled, slopes = samples.along(pull[:2])
-            others, least = turning_points(pull, samples, slopes)
-            pressed = np.interp(others, samples.angles, gaps) < 0.0
-            places, lowest = np.append(places, others[pressed]), np.append(lowest, least[pressed])
-            gaps = np.maximum(gaps, pulled)
-        yield Course(stop, samples.angles, gaps, places, lowest, size, closing)
+    forms, parts = clearances(leg.flow), sampled(leg)
+    series = [samples.series(forms) for samples in parts]
+    for stop, form in enumerate(forms):
+        still = struck == stop and leg.flow.restitution[stop] == 0.0
+        bound = np.where(np.arange(len(form)) < 2 * leg.flow.n, 0.0, form)
+        pieces = [
+            _course(leg, stop, samples, rows[stop], bound, still=still and not i)
+            for i, (samples, rows) in enumerate(zip(parts, series, strict=True))
+        ]
+        yield pieces[0] if len(pieces) == 1 else _joined(pieces)
 
 
-class Samples(NamedTuple):
-    """States and drives at equal steps of a leg, at `angles` from its beginning.
-
-    The columns of `coarse` are the states after every so many steps; the matrices `fine` carry them on by 0, 1, ...
-    steps. Linear forms of all samples then cost about one product per sample, without computing each state.
-    """
-
-    angles: Floats
-    fine: Floats
-    coarse: Floats
-
-    def along(self, forms: Floats) -> Floats:
-        """Return linear forms of state and drive at all samples, one row per form."""
-        rows = self.coarse.T @ (forms @ self.fine).transpose(1, 2, 0)
-        return rows.reshape(len(forms), -1)[:, : len(self.angles)]
-
-    def at(self, forms: Floats, which: Counts) -> Floats:
-        """Return linear forms of state and drive at some samples, one row per form."""
-        block, step = np.divmod(which, len(self.fine))
-        rows: Floats = ((forms @ self.fine)[step] @ self.coarse.T[block][..., None])[..., 0].T
-        return rows
-
-
-def turning_points(series: Floats, samples: Samples, slopes: Floats) -> tuple[Floats, Floats]:
-    """Return the minima between samples of linear forms given as power series, and their values."""
-    turning = np.flatnonzero((slopes[:-1] < 0.0) & (slopes[1:] >= 0.0))
-    offsets, lowest = _minima(samples.at(series, turning), float(samples.angles[1]))
-    return samples.angles[turning] + offsets, lowest
+def _course(leg: Leg, stop: int, samples: Samples, row: Floats, bound: Floats, *, still: bool) -> Course:
+    """Return the course of a stop over one part of a leg; `still`: it begins at rest."""
+    lag = leg.flow.lag(stop)
+    pull = pulls(row, lag)
+    gaps, rates, bounds = samples.along(np.stack([row[0], row[1], samples.forms(bound)]))
+    size = float(max(np.abs(gaps - bounds).max(), np.abs(bounds).max()))
+    if still:
+        rates[0] = 0.0
+    closing = bool(rates[-1] < 0.0)
+    if stop in leg.pushing:
+        forces, slopes = samples.along(-pull[:2])
+        return Course(stop, samples.angles, forces, *turning_points(-pull, samples, slopes), size, closing)
+    places, lowest = turning_points(row, samples, rates)
+    if lag:
+        pulled, slopes = samples.along(pull[:2])
+        others, least = turning_points(pull, samples, slopes)
+        pressed = np.interp(others, samples.angles, gaps) < 0.0
+        places, lowest = np.append(places, others[pressed]), np.append(lowest, least[pressed])
+        gaps = np.maximum(gaps, pulled)
+    return Course(stop, samples.angles, gaps, places, lowest, size, closing)
 
 
-def sampled(leg: Leg) -> Samples:
-    """Return samples of a leg, every 0.15 rad of the fastest rate."""
-    flow, n, size = leg.flow, 2 * leg.flow.n, len(leg.start)
-    number = max(FEWEST_SAMPLES, math.ceil(leg.duration * flow.phase(leg.pushing).fastest / STRIDE))
-    step = leg.duration / number
-    grown, driven = flow.over(step, leg.pushing)
-    power = np.eye(size)
-    power[:n, :n] += grown
-    power[:n, n:] = driven
-    power[n:, n:] = flow.rotation(step)
-    fine, coarse = np.eye(size)[None], leg.start[:, None]
-    for _ in range((number + 1).bit_length() // 2):
-        fine = np.concatenate([fine, power @ fine])
-        power = power @ power
-    while coarse.shape[1] * len(fine) <= number:
-        coarse = np.hstack([coarse, power @ coarse])
-        power = power @ power
-    return Samples(step * np.arange(number + 1.0), fine, coarse)
+def _joined(pieces: Sequence[Course]) -> Course:
+    """Return the courses of the parts of a leg, each of which begins where the one before ends, as one."""
+    first, last = pieces[0], pieces[-1]
+    angles, gaps = (
+        np.concatenate([at[0], *(rest[1:] for rest in at[1:])])
+        for at in ([each.angles for each in pieces], [each.gaps for each in pieces])
+    )
+    places, lowest = (np.concatenate(at) for at in zip(*((each.places, each.lowest) for each in pieces), strict=True))
+    return Course(first.stop, angles, gaps, places, lowest, max(each.size for each in pieces), last.closing)
 
 
-def clearances(flow: Flow, pushing: Pushing) -> Floats:
-    """Return the coefficients of the power series of each clearance as linear forms of state and drive."""
-    return series_of(flow, pushing, np.hstack([-flow.beta / flow.units, np.zeros_like(flow.beta), flow.bounds]))
-
-
-def series_of(flow: Flow, pushing: Pushing, forms: Floats) -> Floats:
-    """Return the coefficients of the power series of linear forms of state and drive, as such forms."""
-    phase = flow.phase(pushing)
-    whole = block_matrix(phase.matrix, phase.load, np.zeros(phase.load.T.shape), flow.turning)
-    series = np.zeros((len(forms), TERMS, len(whole)))
-    series[:, 0] = forms
-    for j in range(1, TERMS):
-        series[:, j] = series[:, j - 1] @ whole / j
-    return series
-
-
-def pulls(row: Floats, lag: float) -> Floats:
-    """Return the series of (u + l u')/(1 + l), which vanishes with the force, from the series of u."""
-    rates = row[1:] * np.arange(1.0, len(row))[:, None]
-    series: Floats = (row[:-1] + lag * rates) / (1.0 + lag)
-    return series
-
-
-def _minima(series: Floats, step: float) -> tuple[Floats, Floats]:
-    """Return the places between 0 and a step where slopes of power series rise through zero, and the values there.
-
-    By Newton's method; where it leaves the bracketing interval, the interval is halved.
-    """
-    low, high = np.zeros(series.shape[1]), np.full(series.shape[1], step)
-    slopes = series[1:] * np.arange(1, len(series))[:, None]
-    bends = slopes[1:] * np.arange(1, len(slopes))[:, None]
-    at = 0.5 * (low + high)
-    for _ in range(BISECTIONS):
-        slope, bend = (np.polynomial.polynomial.polyval(at, each, tensor=False) for each in (slopes, bends))
-        low, high = np.where(slope < 0.0, at, low), np.where(slope < 0.0, high, at)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            following = at - slope / bend
-        before, at = at, np.where((following >= low) & (following <= high), following, 0.5 * (low + high))
-        if np.abs(at - before).max(initial=0.0) <= RESOLVED * step:
-            break
-    return at, np.polynomial.polynomial.polyval(at, series, tensor=False)
+def clearances(flow: Flow) -> Floats:
+    """Return the clearance of each stop over its length as a linear form of state and drive."""
+    return np.hstack([-flow.beta / flow.units, np.zeros_like(flow.beta), flow.bounds])

@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.orbits.systems.admissibility import clearances, pulls, sampled, turning_points
+from vibroimpact.orbits.systems.admissibility import clearances
 from vibroimpact.orbits.systems.cycle import Cycle, Leg
 from vibroimpact.orbits.systems.events import IMPACT
+from vibroimpact.orbits.systems.sampling import pulls, sampled, turning_points
 
 NODES = 8  # of Gauss-Legendre quadrature over one stride of the samples: exact to rounding
 
@@ -46,18 +47,20 @@ def _on_compliant(cycle: Cycle, unknown: Floats, at: int) -> Contact:
     for stop, leg in _legs(cycle, unknown, at):
         if stop not in leg.pushing:
             continue
-        time, row = time + leg.duration, clearances(flow, leg.pushing)[stop]
-        pull, samples = pulls(row, flow.lag(stop)), sampled(leg)
-        nodes, weights = np.polynomial.legendre.leggauss(NODES)
-        nodes, weights = 0.5 * samples.angles[1] * (nodes + 1.0), 0.5 * samples.angles[1] * weights
-        slopes, (pulling, gaps) = row[1:] * np.arange(1.0, len(row))[:, None], (samples.along(pull), samples.along(row))
-        pulled = np.polynomial.polynomial.polyval(nodes, pulling[:, :-1])
-        impulse -= float((pulled @ weights).sum())
-        if flow.lag(stop):
-            rates = np.polynomial.polynomial.polyval(nodes, samples.along(slopes)[:, :-1])
-            lost += float(((pulled * rates) @ weights).sum())
-        force = -min(-force, pulling[0].min(), turning_points(pull, samples, pulling[1])[1].min(initial=math.inf))
-        depth = -min(-depth, gaps[0].min(), turning_points(row, samples, gaps[1])[1].min(initial=math.inf))
+        time += leg.duration
+        for samples in sampled(leg):
+            (row,) = samples.series(clearances(flow)[[stop]])
+            pull = pulls(row, flow.lag(stop))
+            nodes, weights = np.polynomial.legendre.leggauss(NODES)
+            nodes, weights = 0.5 * samples.step * (nodes + 1.0), 0.5 * samples.step * weights
+            slopes, pulling, gaps = row[1:] * np.arange(1.0, len(row))[:, None], samples.along(pull), samples.along(row)
+            pulled = np.polynomial.polynomial.polyval(nodes, pulling[:, :-1])
+            impulse -= float((pulled @ weights).sum())
+            if flow.lag(stop):
+                rates = np.polynomial.polynomial.polyval(nodes, samples.along(slopes)[:, :-1])
+                lost += float(((pulled * rates) @ weights).sum())
+            force = -min(-force, pulling[0].min(), turning_points(pull, samples, pulling[1])[1].min(initial=math.inf))
+            depth = -min(-depth, gaps[0].min(), turning_points(row, samples, gaps[1])[1].min(initial=math.inf))
     length, omega = float(flow.lengths[struck]), flow.omega
     unit = float(flow.stiffness[struck]) * (1.0 + flow.lag(struck)) * omega  # of impulses over the length
     impulse, force = unit * impulse / length, unit * omega * force / length

@@ -44,12 +44,16 @@ from vibroimpact.orbits.systems.flow import Flow
 
 
 class Leg(NamedTuple):
-    """The motion between two events: state and drive just after the first, and the stops that push."""
+    """The motion between two events: state and drive just after the first, and the stops that push.
+
+    `age` is the angle since an event, if the leg begins later.
+    """
 
     flow: Flow
     start: Floats
     duration: float
     pushing: Pushing = ()
+    age: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +190,8 @@ class Cycle:
         rates = [self.flow.phase(pushing).fastest for pushing in self.phases]
         angles = [self.flow.phase().fastest / max(pair) for pair in pairwise(rates)]  # 1 where no stop is compliant
         misses = np.full(len(unknown), size)
-        return newton.solve(self.linearised, unknown, (misses, np.append(angles, misses[p:])), self.in_order)
+        close = max(newton.CLOSE, ROUNDING * self.length * max(rates))  # flights are rounded per radian
+        return newton.solve(self.linearised, unknown, (misses, np.append(angles, misses[p:])), self.in_order, close)
 
     def in_order(self, unknown: Floats) -> bool:
         """Whether the events follow one another, the first of the next cycle included."""

@@ -44,8 +44,9 @@ def growth(matrix: Floats) -> Floats:
     grown: Floats = part / TERMS
     for j in range(TERMS - 1, 0, -1):
         grown = (part + part @ grown) / j
-    for _ in range(squarings):
-        grown = 2.0 * grown + grown @ grown
+    with np.errstate(over="ignore", invalid="ignore"):  # backwards in time, against strong damping
+        for _ in range(squarings):
+            grown = 2.0 * grown + grown @ grown
     return grown
 
 
@@ -94,6 +95,7 @@ class Flow:
         none = np.zeros((self.n, self.n))
         self.physical = block_matrix(to_displacement, none, none, to_rate)
         self._phases: dict[Pushing, Phase] = {}
+        self.stages: dict[Pushing, Any] = {}  # of the motion, by the stops that push: see `sampling`
         self._flights: dict[tuple[float, Pushing], tuple[Floats, Floats]] = {}
 
     def drive(self, angle: float | Floats) -> Floats:
@@ -120,7 +122,7 @@ class Flow:
         # y'' = -elastic y - viscous y' + push z for the state (units y, y')
         matrix = block_matrix(none, np.diag(units), -elastic / units, -viscous)
         load = np.vstack([np.zeros_like(push), push])
-        whole, sizes = self._whole(matrix, load)
+        whole, sizes = self.whole(matrix, load)
         fastest = float(max(units.max(), np.abs(viscous).sum(axis=1).max(), self.orders.max(initial=1.0)))
         if not stiff:
             return Phase(matrix, load, whole, sizes, fastest)
@@ -128,7 +130,7 @@ class Flow:
         back = block_matrix(self.units[:, None] * turn / units, none, none, turn)
         return Phase(back @ matrix @ turned, back @ load, whole, sizes, fastest, turned, back)
 
-    def _whole(self, matrix: Floats, load: Floats) -> tuple[Floats, Floats]:
+    def whole(self, matrix: Floats, load: Floats) -> tuple[Floats, Floats]:
         """Return the law of state and drive as one matrix, and the scales by which the drive is divided in it."""
         sizes = np.linalg.norm(load, axis=0)
         pairs = np.hypot(*sizes[1:].reshape(2, -1))  # sine and cosine of one order have one scale
@@ -153,7 +155,8 @@ class Flow:
         moved, driven = grown[..., :n, :n], grown[..., :n, n:] * phase.sizes
         if phase.back is None or phase.turned is None:
             return moved, driven
-        return phase.back @ moved @ phase.turned, phase.back @ driven
+        with np.errstate(invalid="ignore"):
+            return phase.back @ moved @ phase.turned, phase.back @ driven
 
     def drift(self, angle: float) -> Floats:
         """Return Phi of a free centre over an angle; impacts in between do not affect it."""

@@ -11,11 +11,12 @@ import numpy as np
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.results import Guess
-from vibroimpact.orbits.systems.admissibility import clearances, courses, pulls
+from vibroimpact.orbits.systems.admissibility import courses
 from vibroimpact.orbits.systems.cycle import Cycle, Leg
 from vibroimpact.orbits.systems.events import IMPACT, LET_GO, PUSH_AGAIN, Event, Pushing
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.orbit import cycle_of
+from vibroimpact.orbits.systems.sampling import stages
 from vibroimpact.parameters import invalid, real_number, several
 
 CHUNK = 15.0  # radians of the fastest rate per block of samples
@@ -105,38 +106,41 @@ def traced(flow: Flow, n_periods: int, state: Any, stops: tuple[int, ...] | int)
 def occurrences(flow: Flow, x: Floats, angle: float, last: float) -> Iterator[Occurrence]:
     """Yield the events of the motion from a state at an angle, up to another angle, at most `MOST_EVENTS`."""
     pushing, last_stop, number = flow.pressed(x, flow.drive(angle)), -1, 0
+    age = 0.0  # since the last event
     while angle <= last and number <= MOST_EVENTS:
-        longest = CHUNK / flow.phase(pushing).fastest
-        occurrence = _next(flow, x, angle, longest, pushing, last_stop)
+        longest = CHUNK / stages(flow, pushing, age)[-1].fastest
+        leg = Leg(flow, np.append(x, flow.drive(angle)), longest, pushing, age)
+        occurrence = _next(leg, angle, last_stop)
         if occurrence is None:
             x, angle, last_stop = flow.fly(x, angle, angle + longest, pushing), angle + longest, -1
+            age += longest
             continue
+        age = 0.0
         yield occurrence
         event, x, angle, number = occurrence.event, occurrence.x, occurrence.angle, number + 1
         x, last_stop = flow.struck(event.stop, x, flow.drive(angle)), event.stop
         pushing = flow.after(event, pushing)
 
 
-def _next(flow: Flow, x: Floats, angle: float, longest: float, pushing: Pushing, last_stop: int) -> Occurrence | None:
-    """Return the next event of a motion within an angle; the last event was on `last_stop`."""
-    leg = Leg(flow, np.append(x, flow.drive(angle)), longest, pushing)
-    first, stop = longest, None
+def _next(leg: Leg, angle: float, last_stop: int) -> Occurrence | None:
+    """Return the first event in a leg that begins at an angle; the last event was on `last_stop`."""
+    flow, pushing, first, stop = leg.flow, leg.pushing, leg.duration, None
     for course in courses(leg):
-        heights, step = course.gaps, float(course.angles[1])
+        heights = course.gaps
         if course.stop == last_stop or heights[0] < 0.0:
             heights[0] = max(heights[0], 0.0)
         falls = np.flatnonzero((heights[:-1] >= 0.0) & (heights[1:] < 0.0))
         ends = np.append(course.places[course.lowest < 0.0], course.angles[falls + 1])
-        if not len(ends) or ends.min() - step >= first:
+        if not len(ends):
             continue
         end, level = float(ends.min()), _level(leg, course.stop)
         begin = float(course.angles[int(np.searchsorted(course.angles, end)) - 1])
-        at = _crossing(level, begin, end)
+        at = _crossing(level, begin, end) if begin < first else first
         if at < first:
             first, stop = at, course.stop
     if stop is None:
         return None
-    before = flow.fly(x, angle, angle + first, pushing)
+    before = flow.fly(leg.start[: 2 * flow.n], angle, angle + first, pushing)
     kind = LET_GO if stop in pushing else IMPACT
     if kind == IMPACT and flow.clearance(stop, before, flow.drive(angle + first))[1] > 0.0:
         kind = PUSH_AGAIN
@@ -145,14 +149,14 @@ def _next(flow: Flow, x: Floats, angle: float, longest: float, pushing: Pushing,
 
 def _level(leg: Leg, stop: int) -> Callable[[float], float]:
     """Return the function of the angle since a leg's begin that falls through zero at a stop's next event."""
-    row = clearances(leg.flow, leg.pushing)[stop]
-    pull, size = pulls(row, leg.flow.lag(stop))[0], 2 * leg.flow.n
+    row, pull = (np.concatenate(leg.flow.watched(Event(stop, kind))) for kind in (IMPACT, LET_GO))
+    size = 2 * leg.flow.n
 
     def level(angle: float) -> float:
         grown, driven = leg.flow.over(angle, leg.pushing)
         x, z = leg.start[:size], leg.start[size:]
         later = np.concatenate([x + grown @ x + driven @ z, leg.flow.rotation(angle) @ z])
-        return float(-pull @ later if stop in leg.pushing else max(row[0] @ later, pull @ later))
+        return float(-pull @ later if stop in leg.pushing else max(row @ later, pull @ later))
 
     return level
 

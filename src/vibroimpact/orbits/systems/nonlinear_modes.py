@@ -22,6 +22,7 @@ from vibroimpact.orbits.systems.guesses import occurrences
 from vibroimpact.orbits.systems.orbit import SystemOrbit
 from vibroimpact.orbits.systems.symmetry import mirror
 from vibroimpact.parameters import counted, hertz, invalid, real_number, whole_number
+from vibroimpact.progress import reporter
 
 BORN = 0.02  # radians of the fastest rate, or part of the largest speed: first contact or impact of a family
 TIED = 1e-9  # relative: stops that a mode touches at amplitudes this close are touched together
@@ -29,14 +30,16 @@ BEYOND = 1.05  # of the energy of the first contact: beyond it, orbits of less e
 LONGEST = 0.1  # longest step along the curve, relative to the size of each unknown
 SHORTEST = 1e-6  # of the longest step
 TOUCHED = 1e-6  # of its size: a smaller clearance at a graze is a contact
+BESIDE = (1e-5, 1e-4, 1e-3, 1e-2)  # of the size of each unknown: steps from a graze onto the orbits without a contact
+ALIKE = 2.0  # times the lightest contact: lighter ones vanish with it, at once in an orbit that is its own reversal
 SHORTENED = 8  # halvings of the first contact beyond a graze, at most
 STRAIGHT = 0.97  # least cosine between the tangents at two orbits
 EASY = 4  # corrections, at most, before a longer step
 GROWTH = 1.6  # of the step after an easy one
-MOST = 250  # orbits followed in one direction, at most
+MOST = 500  # orbits followed in one direction, at most
 _ENDS = {"grazing": "grazes a stop", "lost": "is lost", "budget": f"was left after {MOST} orbits"}
 HALVINGS = 50  # in search of a fold between two orbits
-FAR = 0.2  # of a cycle: an event further from its return than this does not repeat
+REVERSED = 1e-6  # of a cycle: times that differ by less are equal
 
 
 def find_of_energy(design: Any, energy: Any, mode: Any) -> Orbits[SystemOrbit]:
@@ -68,18 +71,20 @@ def find_of_energy(design: Any, energy: Any, mode: Any) -> Orbits[SystemOrbit]:
     size = 0.5 * math.sqrt(joules / contact - 1.0) if joules > contact else BORN
     first, end, least, most = born(system, at, size), "lost", contact, contact
     crossings: list[Member | None] = []
-    if first is not None:
-        before = first
-        for one, end in follow(first, LONGEST, 0.0, max(joules, BEYOND * contact)):
+    before, number = first, 0
+    with reporter(None, "orbits") as report:
+        for one, end in () if before is None else follow(before, LONGEST, 0.0, max(joules, BEYOND * contact)):
             if end == "range" and abs(one.joules - joules) < TIED * joules:
                 crossings.append(one)
                 break
-            for each in filter(None, (located("fold", before, one), one)):
-                if (before.joules < joules) != (each.joules < joules):
+            for each in filter(None, (before and located("fold", before, one), one)):
+                if before and (before.joules < joules) != (each.joules < joules):
                     crossings.append(at_energy(before, each, joules))
                 before, least, most = each, min(least, each.joules), max(most, each.joules)
             if crossings and joules > contact:
                 break
+            number += 1
+            report(number, None, None)  # type: ignore[arg-type]
     orbits = [one.orbit(system) for one in crossings if one is not None]
     if orbits:
         return Orbits(orbits, message=counted(len(orbits), f"{orbits[0].name} orbit"))
@@ -194,6 +199,19 @@ def _followed(one: Member) -> bool:
     return cycle.in_order(unknown) and not objection(cycle, unknown, names)
 
 
+def _alike(one: FreeCycle, other: FreeCycle) -> bool:
+    """Whether two cycles have the same events in the same order, from whichever on."""
+    first, second = (each.events + each.next_events for each in (one, other))
+    return len(first) == len(second) and any(first == second[at:] + second[:at] for at in range(len(second)))
+
+
+def _reversible(one: Member) -> bool:
+    """Whether the times between events are the same in reverse, as those of a motion that is its own reversal."""
+    times = np.diff(one.at.angles(one.unknown))
+    close = REVERSED * float(times.sum())
+    return any(bool(np.abs(np.roll(times[::-1], at) - times).max() <= close) for at in range(len(times)))
+
+
 def gained(passed: Member) -> Member | None:
     """Return the first orbit beyond a graze with one more contact, short or slow, or with a short gap in a contact.
 
@@ -239,6 +257,51 @@ def gained(passed: Member) -> Member | None:
     return None
 
 
+def shed(passed: Member) -> Member | None:
+    """Return the first orbit beyond a graze with one contact, or one gap in a contact, less.
+
+    Where an orbit is its own reversal in time, two vanish at once. Of the two directions along the shorter equations,
+    the one is taken that the system can follow.
+    """
+    passed = turned(passed)
+    cycle, unknown, flow = passed.at, passed.unknown, passed.cycle.flow
+    p, speeds, gaps = len(cycle.events), np.abs(cycle.speeds(unknown)), np.abs(np.diff(cycle.angles(unknown)))
+    speeds = speeds / float(np.abs(unknown[p:]).max())
+    pairs = [
+        at
+        for at in range(p - 1)
+        if flow.compliant[cycle.events[at].stop] and cycle.events[at].stop == cycle.events[at + 1].stop
+    ]
+    singles = [at for at in cycle.impacts if not flow.compliant[cycle.events[at].stop]]
+    least = min((gaps[at] for at in pairs), default=math.inf), min((speeds[at] for at in singles), default=math.inf)
+    if least[0] < least[1]:
+        gone = {each for at in pairs if gaps[at] <= ALIKE * least[0] for each in (at, at + 1)}
+    else:
+        gone = {at for at in singles if speeds[at] <= ALIKE * least[1]}
+    kept = [at for at in cycle.impacts if at not in gone]
+    if not kept:
+        return None
+    turned_cycle, start = cycle.rotated(unknown, kept[0])
+    left = [at for at in range(p) if (at + kept[0]) % p not in gone]
+    new = replace(turned_cycle, events=tuple(turned_cycle.events[at] for at in left))
+    z = np.concatenate([start[left] - start[0], start[p:], passed.z[-2:]])
+    beside = member(new, z, misses(new, z)[1], np.zeros(len(z)))
+    columns = sizes(new, z)
+    done = corrected(new, z, beside.tangent / columns)
+    if done is None or np.abs((done[0] - z) / columns).max() > LONGEST:
+        return None
+    graze = member(new, done[0], done[2], np.zeros(len(z)))
+    for size in BESIDE:
+        ways = []
+        for tangent in (graze.tangent, -graze.tangent):
+            done = corrected(new, graze.z + size * columns * tangent, tangent / columns)
+            if done is not None and _followed(found := member(new, done[0], done[2], tangent * columns)):
+                ways.append(found)
+        if len(ways) == 1:
+            return ways[0]
+    return None
+
+
 def follow(first: Member, longest: float, low: float, high: float, most: int = MOST) -> Iterator[tuple[Member, str]]:
     """Yield the orbits after the first along the curve, up to one of two energies in J.
 
@@ -257,6 +320,10 @@ def follow(first: Member, longest: float, low: float, high: float, most: int = M
             elif not _followed(following):
                 beyond = following
                 following = recast(following, step)
+                if following is not None and _alike(following.cycle, current.cycle):  # it would go back
+                    following = shed(beyond)
+                if following is not None and _reversible(current) and not _reversible(following):
+                    following = None  # another family, which has one of two contacts that begin at once
         if following is not None and not low <= following.joules <= high:
             edge = at_energy(current, following, low if following.joules < low else high)
             if edge is not None:
@@ -266,7 +333,7 @@ def follow(first: Member, longest: float, low: float, high: float, most: int = M
         if following is None:
             step *= 0.5
             if step < SHORTEST * longest:
-                following = None if beyond is None else gained(beyond)
+                following = (None if beyond is None else gained(beyond)) or shed(beyond or current)
                 if following is None:
                     yield current, "lost" if beyond is None else "grazing"
                     return

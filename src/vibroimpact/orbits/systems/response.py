@@ -1,8 +1,8 @@
 r"""Amplitude, mean, rms and first harmonic of a motion along one direction, over the legs of a cycle.
 
 In a leg, a coordinate, the displacement of a point and a clearance are power series about every 0.15 rad of the fastest
-rate. Their turning points are roots between these places; integrals are those of Gauss and Legendre with three nodes
-between neighbouring places, whose error is below 1e-11 of the fastest mode's part.
+rate that has not decayed. Their turning points are roots between these places; integrals are those of Gauss and
+Legendre with three nodes between neighbouring places, whose error is below 1e-11 of the fastest mode's part.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from vibroimpact.model.modal import ModalForm
 from vibroimpact.model.points import observed
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.systems.admissibility import TERMS, Samples, sampled, series_of, turning_points
 from vibroimpact.orbits.systems.cycle import Leg
 from vibroimpact.orbits.systems.orbit import cycle_of
+from vibroimpact.orbits.systems.sampling import TERMS, Samples, sampled, turning_points
 
 PLACES, WEIGHTS = np.polynomial.legendre.leggauss(3)
 SAMPLED = 32  # places in a period of the highest harmonic between which turning points are sought
@@ -55,11 +55,12 @@ def over(legs: Iterable[tuple[float, Leg]], form: Floats) -> Response:
     for begin, leg in legs:
         if leg.duration == 0.0:
             continue
-        samples, (series,) = sampled(leg), series_of(leg.flow, leg.pushing, form[None])
-        values, slopes = samples.along(series[:2])
-        lowest = min(lowest, values.min(), turning_points(series, samples, slopes)[1].min(initial=math.inf))
-        highest = max(highest, values.max(), -turning_points(-series, samples, -slopes)[1].min(initial=math.inf))
-        integrals += _integrals(begin, samples, series)
+        for samples in sampled(leg):
+            (series,) = samples.series(form[None])
+            values, slopes = samples.along(series[:2])
+            lowest = min(lowest, values.min(), turning_points(series, samples, slopes)[1].min(initial=math.inf))
+            highest = max(highest, values.max(), -turning_points(-series, samples, -slopes)[1].min(initial=math.inf))
+            integrals += _integrals(begin, samples, series)
         length += leg.duration
     mean, square, harmonic = integrals / length
     phasor = 2j * harmonic  # y = Im(Y e^{i wt})
@@ -69,7 +70,7 @@ def over(legs: Iterable[tuple[float, Leg]], form: Floats) -> Response:
 
 def _integrals(begin: float, samples: Samples, series: Floats) -> Any:
     """Return the integrals of y, y^2 and y e^{-i wt} over the angle of a leg."""
-    step = float(samples.angles[1])
+    step = samples.step
     offsets = 0.5 * step * (1.0 + PLACES)
     values = samples.along(offsets[:, None] ** np.arange(TERMS) @ series)[:, :-1]
     turned = np.exp(-1j * (begin + samples.angles[:-1] + offsets[:, None]))

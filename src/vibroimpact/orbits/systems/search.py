@@ -20,6 +20,7 @@ from vibroimpact.orbits.distance import same_orbit
 from vibroimpact.orbits.equations import SAME
 from vibroimpact.orbits.orbit import true_cycle
 from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits, lost, numbers_of, ordered, other_name
+from vibroimpact.orbits.systems.admissibility import far_beyond
 from vibroimpact.orbits.systems.closed_form import one_impact
 from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.flow import Flow
@@ -95,6 +96,16 @@ def of_one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
     For contacts that last the reason also says which others may have been missed.
     """
     return (one_contact if len(cycle.events) > 1 else one_impact)(cycle)
+
+
+def stable_orbits(model: Model, n_periods: int) -> list[SystemOrbit]:
+    """Return the stable orbits with one impact, on any stop, the hardest first; few of the others are constructed."""
+    flow = Flow(model.at())
+    cycles = (Cycle(flow, n_periods, flow.contact(stop)) for stop in range(len(flow.beta)))
+    solutions = (solution for cycle in cycles for solution in of_one_impact(cycle)[0])
+    contracting = (one for one in solutions if abs(one[0].multipliers(one[1])[0]) < 1.0 and not far_beyond(*one))
+    orbits = [orbit for orbit in (make_orbit(model, *one) for one in contracting) if orbit.stable]
+    return sorted(orbits, key=lambda orbit: -max(orbit.velocities))
 
 
 def _of_one(model: Model, cycles: Iterable[Cycle]) -> Orbits[SystemOrbit]:
