@@ -29,7 +29,7 @@ from vibroimpact.model import Model, State, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import check_fits, check_steps, choice, invalid, phase_number, several, whole_number
 from vibroimpact.progress import Report, Stop, reporter
-from vibroimpact.request import COSTLY, Request, check_axes
+from vibroimpact.request import COSTLY, Request, check_axes, units_of
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
@@ -95,7 +95,8 @@ def bifurcation_diagram(
         True shows a bar; a callable gets (values done, values in all, Dataset so far) and stops the sweep by returning
         False.
     **axis : sequence of numbers
-        Exactly one parameter with strictly increasing values; `frequency` in Hz may replace `omega`.
+        Exactly one parameter with strictly increasing values; `frequency` in Hz may replace `omega`. Figures and
+        summaries show a quantity of pint in its own unit.
 
     Returns
     -------
@@ -148,7 +149,8 @@ def bifurcation_diagram(
     if whole_number("coordinate", coordinate, 0) >= design.coordinates:
         raise invalid("coordinate", coordinate, f"less than the number of coordinates, {design.coordinates}")
     measurement = Measurement(window, Tolerances.of(tolerances), indices=chosen)
-    request = Request(osc, axes, measurement, one_start(start), engine.sampler, time_step)
+    units = units_of(axis, osc.parameters)
+    request = Request(osc, axes, measurement, one_start(start), engine.sampler, time_step, units=units)
     cells = request.cells()
     total = len(cells) * window.keep
     hint = f"use fewer points, or smaller `sample_{_along(section)}s`"

@@ -29,6 +29,7 @@ from vibroimpact.dataset import (
 )
 from vibroimpact.indices import EVERY
 from vibroimpact.model import Model, State, check_names, one_start
+from vibroimpact.model.units import DISPLAY, in_own_unit
 from vibroimpact.parameters import Parameter, check_steps, invalid, positive_number, whole_number
 
 if TYPE_CHECKING:
@@ -53,6 +54,9 @@ class Request:
     time_step: float | None = None
     scattered: bool = False  # points (dim `point`) instead of a grid
     further: Mapping[str, Any] = field(default_factory=dict)  # other inputs of the result: how a map is refined
+    units: Mapping[str, str] = field(
+        default_factory=dict
+    )  # of axes, to write and draw them in; no number depends on it
 
     @property
     def n_starts(self) -> int:
@@ -123,7 +127,8 @@ class Request:
 
     def coordinates(self) -> dict[str, xr.Variable]:
         """Return the labelled axes of a result."""
-        labels = {name: label(self.model.parameters[name]) for name in self.axes}
+        shown = {name: {DISPLAY: unit} for name, unit in self.units.items()}
+        labels = {name: label(self.model.parameters[name]) | shown.get(name, {}) for name in self.axes}
         dims = dict.fromkeys(self.axes, "point") if self.scattered else {name: name for name in self.axes}
         whole = {name for name in self.axes if self.model.parameters[name].whole}
         columns = {name: values.astype(np.int64) if name in whole else values for name, values in self.axes.items()}
@@ -272,10 +277,16 @@ def check_axes(axes: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> 
     return checked
 
 
+def units_of(axes: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> dict[str, str]:
+    """Return the units in which checked axes were given, where these are not the parameters' own."""
+    given = {name: in_own_unit(parameters[name], values).unit for name, values in axes.items()}
+    return {name: unit for name, unit in given.items() if unit not in ("", parameters[name].unit)}
+
+
 def check_points(points: Any, model: Model) -> dict[str, Floats]:
     """Return the columns of a table of designs as arrays of equal length."""
     try:
-        columns = {str(name): np.asarray(points[name]) for name in points}
+        columns = {str(name): points[name] for name in points}
     except (TypeError, KeyError, IndexError):
         raise invalid(
             "points", points, "a mapping or DataFrame of columns", "as in {'omega': [...], 'gap': [...]}"
@@ -309,7 +320,7 @@ def _check_varied(names: Mapping[str, Any], parameters: Mapping[str, Parameter])
 
 
 def _values(entries: Any, parameter: Parameter) -> Floats:
-    values = _numbers(entries)
+    values = _numbers(in_own_unit(parameter, entries).values)
     if values.ndim != 1 or values.size == 0:
         hint = f"as in {parameter.name}=np.linspace(0.1, 5, 200)"
         raise invalid(parameter.name, entries, "a one-dimensional, non-empty list of numbers", hint)

@@ -100,7 +100,11 @@ def diagram(options: Options) -> None:
     from vibroimpact.execution.threads import GRACE
 
     _sweep(
-        "bifurcation_diagram", Meter("diagram", patience=GRACE, opening=study.announce), study, options, **study.axes
+        "bifurcation_diagram",
+        Meter("diagram", patience=GRACE, opening=study.announce),
+        study,
+        options,
+        **study.typed_axes,
     )
 
 
@@ -144,7 +148,12 @@ def parameter_map(options: Options) -> None:
         from vibroimpact.execution.threads import GRACE
 
         _sweep(
-            "parameter_map", Meter("map", patience=GRACE, opening=study.announce), study, options, **study.axes, **more
+            "parameter_map",
+            Meter("map", patience=GRACE, opening=study.announce),
+            study,
+            options,
+            **study.typed_axes,
+            **more,
         )
 
 
@@ -241,7 +250,7 @@ def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed
         files.replacing_store(place, out),
         refusing(StoreBusy),
     ):
-        _call("parameter_map", study, progress=meter, store=place, **study.axes, **more)
+        _call("parameter_map", study, progress=meter, store=place, **study.typed_axes, **more)
     if meter.stopped:
         unchanged = f"{out} is unchanged; " if place != out else ""
         state = files.state_of(place, meter.seconds)

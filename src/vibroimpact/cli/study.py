@@ -21,6 +21,7 @@ from vibroimpact.indices import EVERY
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.units import (
+    InUnit,
     few_values,
     has_unit,
     is_unit,
@@ -75,6 +76,11 @@ class Study:
         """Print the model and the numbers used, once the whole request has been accepted."""
         warning = [f"vibroimpact: {self.warning}"] if self.warning else []
         print(self, *warning, sep="\n", file=sys.stderr, flush=True)
+
+    @property
+    def typed_axes(self) -> dict[str, InUnit]:
+        """The axes, with the units in which they were given."""
+        return {name: InUnit(values, self.units.get(name, "")) for name, values in self.axes.items()}
 
     def arguments(self, function: str) -> dict[str, Any]:
         """Return the arguments of a public function from the study, without axes; others are left out."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.coexistence.attractor import distinct_names
-from vibroimpact.dataset import bifurcation_name, model_of, unbundle
+from vibroimpact.dataset import bifurcation_name, displayed, model_of, unbundle
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
 from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along, motion_name
 from vibroimpact.motion.recognition import recognise, recurrence
@@ -173,7 +173,7 @@ def _orbit_type(part: xr.Dataset) -> str:
 
 
 def _branches(dataset: xr.Dataset) -> Iterator[str]:
-    branches = unbundle(dataset)
+    branches = unbundle(displayed(dataset))
     for at, branch in enumerate(branches, start=1):
         (parameter,) = _varied(branch)
         head = f"branch {at} of {len(branches)}, " if len(branches) > 1 else ""
@@ -215,7 +215,7 @@ def _meanings(codes: xr.DataArray) -> list[str]:
 
 
 def _boundaries(dataset: xr.Dataset) -> Iterator[str]:
-    curves = unbundle(dataset)
+    curves = unbundle(displayed(dataset))
     yield f"{counted(len(curves), 'curve')} in the plane of {listed(_varied(curves[0]))}"
     for curve in curves:
         ranges = ", ".join(axis_range(curve, name) for name in _varied(curve))
@@ -238,6 +238,7 @@ def _bounded_motion(curve: xr.Dataset, grazes: bool) -> str:
 
 
 def _response(dataset: xr.Dataset) -> Iterator[str]:
+    dataset = displayed(dataset)
     (name,) = _varied(dataset)
     units = dataset[name].attrs["units"]
     yield str(dataset.attrs["message"])
