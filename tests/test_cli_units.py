@@ -236,7 +236,7 @@ SWEEPS = [
     ("diagram --x omega=0.3Hz:0.5Hz:5", "of driving frequency 0.3 to 0.5 Hz", r"hardest impact .* at omega 0\.3 Hz"),
     ("diagram --x gap=1mm:3mm:5 --direction up", "of gap 1 to 3 mm", r"  gap [\d.]+( to 3)? mm: "),
     ("continue -p omega=0.41Hz --x omega=0.3Hz:0.5Hz", r"from omega = 0\.3 Hz", r"doubling at omega = 0\.4223\d* Hz"),
-    ("response -p c=0.1 -p gap=1500mm --x omega=0.1Hz:0.5Hz --step 0.05", "from omega = 0.1 Hz to omega = 0.5 Hz",
+    ("response -p c=0.1 -p gap=1500mm --x omega=0.1Hz:0.5Hz --step 0.05", "along omega from 0.1 to 0.5 Hz",
      r"fold at omega = 0\.2626\d* Hz"),
     ("boundary --x omega=0.3Hz:0.5Hz --y gap=0mm:300mm --periods 1 --lines 2",
      r"driving frequency 0\.3297 to 0\.4224 Hz, gap 0 to 300 mm", "grazing .* mm "),

@@ -357,6 +357,9 @@ def with_display(dataset: xr.Dataset, units: Mapping[str, str]) -> xr.Dataset:
     return dataset
 
 
+_NUMBER = r"-?\d[\d.]*(?:e[-+]?\d+)?"
+
+
 def displayed(dataset: xr.Dataset) -> xr.Dataset:
     """Return a result with parameters, and the messages that contain their values, in the units to show."""
     for key in [str(key) for key, column in dataset.variables.items() if DISPLAY in column.attrs]:
@@ -365,9 +368,9 @@ def displayed(dataset: xr.Dataset) -> xr.Dataset:
         unit = labels.get("units", "")
 
         def converted(found: re.Match[str], name: str = key, factor: float = factor, unit: str = unit) -> str:
-            return f"{name} = {float(found[1]) * factor:.11g} {unit}".removesuffix(" 1")
+            return name + re.sub(_NUMBER, lambda n: f"{float(n[0]) * factor:.11g}", found[1]) + f" {unit}"
 
-        pattern = rf"\b{re.escape(key)} = (-?\d[\d.]*(?:e[-+]?\d+)?)( {re.escape(own)})?(?![\w.])"
+        pattern = rf"\b{re.escape(key)}( (?:=|from) {_NUMBER}(?: to {_NUMBER})?)(?: {re.escape(own)})?(?![\w.])"
         messages = {
             name: re.sub(pattern, converted, text)
             for name, text in dataset.attrs.items()

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 from vibroimpact.beside import compile_beside
 from vibroimpact.cli.endings import refusing
 from vibroimpact.cli.options import Options, number
-from vibroimpact.cli.schema import ENDS, TABLES
+from vibroimpact.cli.schema import TABLES
+from vibroimpact.cli.times import ENDS
 from vibroimpact.indices import EVERY
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator

@@ -17,7 +17,7 @@ from vibroimpact.continuation.branch import continue_orbit
 from vibroimpact.continuation.equations import Range
 from vibroimpact.continuation.following import check_range, check_share
 from vibroimpact.continuation.lines import covered
-from vibroimpact.continuation.results import BifurcationPoint, Branch, axis, kind_variable, value_text
+from vibroimpact.continuation.results import BifurcationPoint, Branch, axis, kind_variable, span_text, value_text
 from vibroimpact.dataset import dataset_of, flags, plain_variable, provenance
 from vibroimpact.model import Model, check_model
 from vibroimpact.orbits.search import find_orbit
@@ -204,14 +204,12 @@ def response_curve(
         branches = _branches(model, parameter, ends, touching, longest, report)
     if not (free or branches):
         raise ValueError(
-            f"no periodic motion was found from {value_text(model, parameter, ends[0])} to "
-            f"{value_text(model, parameter, ends[1])}, neither without contact nor with one impact per period; a "
-            "bifurcation_diagram shows what the system does"
+            f"no periodic motion was found along {span_text(model, parameter, ends)}, neither without contact nor with "
+            "one impact per period; a bifurcation_diagram shows what the system does"
         )
-    first, last = (value_text(model, parameter, end) for end in ends)
     message = (
-        f"{counted(len(free), 'part')} without contact and {counted(len(branches), 'part')} with contact, from "
-        f"{first} to {last}"
+        f"{counted(len(free), 'part')} without contact and {counted(len(branches), 'part')} with contact, along "
+        f"{span_text(model, parameter, ends)}"
     )
     arguments = {"range": ends, "of": of if isinstance(of, str | int | None) else list(of), "step": longest}
     return ResponseCurve(parameter, of, model, free, branches, message, arguments)

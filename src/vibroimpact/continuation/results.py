@@ -267,6 +267,12 @@ def value_text(model: Model, name: str, value: float, digits: int = 12) -> str:
     return f"{name} = {value:.{digits}g} {parameter_of(model, name).unit}".removesuffix(" 1").rstrip()
 
 
+def span_text(model: Model, name: str, ends: tuple[float, float]) -> str:
+    """Return a parameter and its range, with its unit."""
+    unit = parameter_of(model, name).unit
+    return f"{name} from {ends[0]:.12g} to {ends[1]:.12g} {unit}".removesuffix(" 1").rstrip()
+
+
 def _with_unit(model: Model, name: str) -> str:
     """Return a parameter with its unit."""
     unit = parameter_of(model, name).unit
