@@ -113,7 +113,7 @@ def test_a_system_takes_a_force_for_each_coordinate_and_a_study_file_its_pieces(
     (tmp_path / "chain.py").write_text(
         "import vibroimpact as vi\n"
         "chain = vi.ImpactSystem(mass=[[1.0, 0.0], [0.0, 1.0]], stiffness=[[2.0, -1.0], [-1.0, 1.0]],\n"
-        "    stops=[vi.Stop(direction=[0.0, 1.0], gap=0.5)], force=vi.Force(1.3, {1: [0.2, 0.0]}))\n"
+        "    stops=[vi.Stop(direction=[0.0, 1.0], gap=0.5)], force=vi.Force(omega=1.3, harmonics={1: [0.2, 0.0]}))\n"
     )
     (tmp_path / "chain.toml").write_text('[sampling]\npieces = [["1s", 0, "3N"], [2, "model"]]\n')
     chain = load_model(f"{tmp_path / 'chain.py'}:chain")

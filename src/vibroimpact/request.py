@@ -31,6 +31,7 @@ from vibroimpact.indices import EVERY
 from vibroimpact.model import Model, State, check_names, one_start
 from vibroimpact.model.units import DISPLAY, in_own_unit
 from vibroimpact.parameters import Parameter, check_steps, invalid, positive_number, whole_number
+from vibroimpact.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -102,7 +103,12 @@ class Request:
 
     def completed(self, outcome: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         """Return the outcome of some cells with missing values of the indices that the model lacks."""
-        cells = len(outcome["status"])
+        cells, status = len(outcome["status"]), outcome["status"]
+        if not self.model.at().periodic:  # there are no periods to be few
+            outcome = {
+                **outcome,
+                "status": np.where(status == Status.SHORT_WINDOW, status.dtype.type(Status.OK), status),
+            }
         sizes = {name: tuple(self.sizes_of(name).values())[len(self.shape) :] for name in self.absent}
         return {**outcome, **{name: missing(name, (cells, *more)) for name, more in sizes.items()}}
 

@@ -92,12 +92,18 @@ def _computes(backend: Backend, name: str) -> bool:
     return name in backend.known_indices or (name in FORCES and not isinstance(backend, OfOneMass))
 
 
+# Indices that count driving periods, or measure in them.
+OF_PERIODS = "impacts_per_period", "dissipation", "n_periods", "n_impacts", "impact_phase_spread"
+
+
 def without_value(name: str, model: Model) -> str:
     """Return why a model has no value of an index; empty if it has one."""
     if name in FORCES and isinstance(model, ImpactOscillator):
         return f"`{name}` is an index of systems; write the oscillator as an ImpactSystem"
     if name == "max_force" and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):
         return "`max_force` needs a compliant stop; the force of a rigid one has no largest value"
+    if name in OF_PERIODS and not getattr(model, "periodic", True):
+        return f"`{name}` refers to the driving period, which the model lacks, since its load has no frequency"
     return ""
 
 

@@ -91,8 +91,7 @@ class SystemCells(Cells):
     def of_points(cls, system: ImpactSystem, points: Mapping[str, Any]) -> SystemCells:
         """Return one cell per point of a system's own parameters, at rest.
 
-        Quantities that depend on the frequency are computed once for each of its values, all together; the numbers of
-        stops are columns.
+        What depends on the frequency is computed once for each of its values, together; numbers of stops are columns.
         """
         number = len(np.atleast_1d(next(iter(points.values()), 0.0)))
         omegas = points.get("omega", radians(points["frequency"]) if "frequency" in points else None)
@@ -106,7 +105,8 @@ class SystemCells(Cells):
 
         def system_of(row: int) -> ImpactSystem:
             gaps = {f"{name}_gap": float(gap) for name, gap in zip(system.stop_names, table[row, :, 0], strict=True)}
-            return system.replace(omega=float(values[which[row]]), **gaps)
+            pace = {"omega": float(values[which[row]])} if system.periodic else {}
+            return system.replace(**pace, **gaps)
 
         return cls._of_forms([(system.modal(), values)], which, table, system_of)
 

@@ -16,6 +16,9 @@ from vibroimpact.orbits.results import IMPACTS, Guess, Orbits, numbers_of, order
 from vibroimpact.parameters import invalid, truth, whole_number
 from vibroimpact.progress import reporter
 
+WITHOUT_PERIOD = "the load has no frequency, and so there is no driving period and no period-n orbit; see simulate"
+AT_AN_ENERGY = ", or give `energy`: without loss and load, motions that repeat have periods of their own"
+
 
 def find_orbit(
     osc: Model,
@@ -175,6 +178,8 @@ def find_orbit(
             "mode", mode, "omitted without `energy`", "it is the mode from which orbits of an energy are born"
         )
     guess = Guess.of(state_of(near, design))
+    if not design.periodic:
+        return Orbits(outcome="none", message=WITHOUT_PERIOD + ("" if design.energy_changes else AT_AN_ENERGY))
     if guess.only_state:
         design.initial(guess.state, "near")  # refused if it does not fit, or lies beyond a stop
     typed = truth("symmetric", symmetric) or any(given is not None for given in (n_periods, n_impacts, stops))

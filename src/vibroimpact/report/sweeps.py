@@ -173,11 +173,19 @@ def _motion_at(row: xr.Dataset, axis: str) -> str:
             return f"period-{n}"
     elif status == Status.STICKING:
         return "comes to rest at the stop"
-    elif p := cycle_length(samples["velocity"], samples["phase"]):
+    elif p := _impacts_in_cycle(row, samples):
         return f"{counted(p, 'impact')} per cycle"
     elif status == Status.SHORT_WINDOW:
         return "sample too short to classify"
     return "does not repeat"
+
+
+def _impacts_in_cycle(row: xr.Dataset, samples: Mapping[str, NDArray[np.float64]]) -> int:
+    """Return the number of impacts after which the samples repeat; without a driving period, from speeds and stops."""
+    if model_of(row).periodic:
+        return cycle_length(samples["velocity"], samples["phase"])
+    stops = row["stop"].values[: len(samples["velocity"])].astype(float) if "stop" in row else samples["velocity"]
+    return recurrence(samples["velocity"], stops)
 
 
 def _growth(row: xr.Dataset, axis: str, samples: Mapping[str, NDArray[np.float64]]) -> float:
