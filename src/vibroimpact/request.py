@@ -150,7 +150,7 @@ class Request:
         """Return the cells at some flat indices, bit for bit the same in every selection."""
         flat = np.arange(*at.indices(len(self))) if isinstance(at, slice) else at
         if not isinstance(self.start, (tuple, int)):
-            return self._designs_at(flat).begun(self.start)
+            return self._designs_at(flat).begun(self.start, self._names)
         designs, owner = np.unique(flat // self.n_starts, return_inverse=True)
         cells, numbers = self._designs_at(designs)[owner], flat % self.n_starts
         if isinstance(self.start, int):
@@ -158,8 +158,13 @@ class Request:
             cells.table[struck] = cells[struck].struck(numbers[struck] - 1).table
         else:
             for number, start in enumerate(self.start):
-                cells.table[numbers == number] = cells[numbers == number].begun(start).table
+                cells.table[numbers == number] = cells[numbers == number].begun(start, self._names).table
         return cells
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
+        """The names of the stops."""
+        return tuple(self.model.at().stop_names)
 
     def _designs_at(self, flat: Places) -> Cells:
         """Return designs by flat index, at rest; the function of a family is called once for each."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from vibroimpact.cli import output
 from vibroimpact.cli import schema as o
-from vibroimpact.cli.endings import refusing
+from vibroimpact.cli.endings import WrongRequest, refusing
 from vibroimpact.cli.options import Options, with_options
 from vibroimpact.cli.orbits import one_range
 from vibroimpact.cli.study import study_of
@@ -31,8 +31,15 @@ def response(options: Options) -> None:
     output.check(options, "response_curve")
     of = options["of"]
     what = int(of) if of is not None and of.isdecimal() else of
-    with Meter("orbits", opening=study.announce) as meter, refusing():
-        curve = vibroimpact.response_curve(
-            study.model, of=what, step=options.value("step"), progress=meter, **{parameter: span}
-        )
-    output.finish(curve.dataset, options, meter, units=study.units)
+    dataset = None
+    with Meter("orbits", opening=study.announce) as meter:
+        try:
+            with refusing():
+                curve = vibroimpact.response_curve(
+                    study.model, of=what, step=options.value("step"), progress=meter, **{parameter: span}
+                )
+            dataset = curve.dataset
+        except WrongRequest:
+            if not meter.stopped:
+                raise
+    output.finish(dataset, options, meter, units=study.units)

@@ -201,7 +201,9 @@ def response_curve(
     values = _grid(model, parameter, ends, longest)
     free, touching = _without_contact(model, parameter, values)
     with reporter(progress, "orbits") as report:
-        branches = _branches(model, parameter, ends, touching, longest, report)
+        branches, stopped = _branches(model, parameter, ends, touching, longest, report)
+    if stopped and not (free or branches):
+        raise ValueError("stopped by `progress` before a motion was found")
     if not (free or branches):
         raise ValueError(
             f"no periodic motion was found along {span_text(model, parameter, ends)}, neither without contact nor with "
@@ -268,8 +270,11 @@ def _without_contact(model: Model, parameter: str, values: Floats) -> tuple[list
 
 def _branches(
     model: Model, parameter: str, ends: Range, touching: list[Range], longest: float, report: Report
-) -> list[Branch]:
-    """Return the branches of orbits with contact that begin near the ends or in the middle of each interval."""
+) -> tuple[list[Branch], bool]:
+    """Return the branches of orbits with contact that begin near the ends or in the middle of each interval.
+
+    Also return whether `report` stopped the search.
+    """
     branches: list[Branch] = []
     done = 0
 
@@ -279,13 +284,15 @@ def _branches(
     for low, high in touching:
         inside = INSIDE * (high - low)
         for value in (low + inside, high - inside, 0.5 * (low + high)):
+            if count(0) is False:
+                return branches, True
             for orbit in _orbits(model.replace(**{parameter: value})):
                 if any(_on(branch, value, orbit) for branch in branches):
                     continue
                 with suppress(ValueError):
                     branches.append(continue_orbit(orbit, parameter, ends, step=longest, progress=count, virtual=False))
                     done += len(branches[-1].orbits)
-    return branches
+    return branches, False
 
 
 def _orbits(model: Model) -> Iterator[Any]:

@@ -251,8 +251,8 @@ class SystemCells(Cells):
             table[row, self.places["eta"]] += 0.0 if back is None else back
         return SystemCells(table, self.columns, self.shape)
 
-    def begun(self, start: State | None) -> SystemCells:
-        """Return the cells started from an initial condition; None leaves them as they are.
+    def begun(self, start: State | None, names: Sequence[str] = ()) -> SystemCells:
+        """Return the cells started from an initial condition; None leaves them as they are; errors use names of stops.
 
         Raises
         ------
@@ -272,9 +272,9 @@ class SystemCells(Cells):
         over = cells.beyond()
         if over.any():
             cell, stop = np.argwhere(over)[0].tolist()
+            name, depth = repr(names[stop]) if names else f"stop {stop + 1}", over[cell, stop]
             raise ValueError(
-                f"`start` lies beyond stop {stop + 1} by {over[cell, stop]:.3g} m at time {start.time:g}; "
-                "start in front of it"
+                f"`start` lies beyond {name} by {depth:.3g} m at time {start.time:g}; start in front of it"
             )
         return cells
 
