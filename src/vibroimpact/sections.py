@@ -170,8 +170,9 @@ def impact_section(
     Returns
     -------
     xarray.Dataset
-        `time` in s, `phase` (t mod T)/T in [0, 1), `velocity` in m/s just before contact, > 0 (dim `impact`, fewer rows
-        if impacts cease); `stick_time`, `release_time` (dim `stick`) between the first and the last of them; `status`.
+        `time` in s, `phase` (t mod T)/T in [0, 1), NaN for a model without a driving period, `velocity` in m/s just
+        before contact, > 0 (dim `impact`, fewer rows if impacts cease); `stick_time`, `release_time` (dim `stick`)
+        between the first and the last of them; `status`.
 
     Raises
     ------

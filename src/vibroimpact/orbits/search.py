@@ -75,7 +75,8 @@ def find_orbit(
         one impact, or with `near`, it includes inadmissible orbits (they penetrate the stop); their `message` gives the
         reason, and they are never `stable`. Otherwise it holds only admissible ones. Without `stops`, `message` joins
         the reasons of all stops for which no orbit was found. With `near` alone, it holds one admissible orbit or none,
-        and `message` says whether the motion settles to it, or only passes by (`outcome` "not_periodic").
+        and `message` says whether the motion settles to it, or only passes by (`outcome` "not_periodic"). It is empty
+        for a model without a driving period unless `energy` is given.
 
     Raises
     ------
