@@ -314,6 +314,13 @@ def test_curves_lie_on_a_map_whose_axes_are_in_other_units(run):
         assert any(len(line) == len(expected) and np.allclose(line, expected) for line in drawn)
 
 
+def test_the_line_of_the_model_is_named_in_the_unit_of_its_axis(run):
+    run("map -p gap=2mm -p omega=0.4Hz --x omega=0.3Hz:0.5Hz:5 --y gap=1mm:3mm:4 --sample-impacts 50 --out m.zarr")
+    sweep = vi.load("m.zarr")
+    ax = vi.plotting.index_contour(sweep, reference={"gap": 2e-3, "omega": 0.8 * np.pi})
+    assert {r"$g$ = 2 mm", r"$\omega/2\pi$ = 0.4 Hz"} <= {text.get_text() for text in ax.texts}
+
+
 @pytest.mark.parametrize("unit", ["furlong", "", "\x1b[2J"])
 def test_an_unknown_unit_in_a_file_leaves_the_own_one(unit):
     label = {"long_name": "gap", "units": "m", "symbol": "g"}

@@ -116,7 +116,7 @@ def _draw_references(ax: Axes, field: xr.DataArray, values: Mapping[str, float])
             value, color=RED, linewidth=1.4, linestyle=(0, (6, 3)), path_effects=halo, zorder=5
         )
         _, units, symbol = labels.described(field[name])
-        text = labels.value_text(symbol or name, value, units)
+        text = labels.value_text(symbol or name, value * display(field[name].attrs)[0], units)
         if along_x:
             low, high = ax.get_ylim()
             below = value > low + 0.93 * (high - low)  # above the line it would overlap the title
