@@ -236,6 +236,11 @@ def test_a_bouncing_ball_repeats_after_one_impact_and_a_thrown_mass_after_two():
         section = vi.impact_section(model, start=start, sample_impacts=20)
         assert section["phase"].isnull().all()
         assert vi.recognise(section).n_periods == 0
+        with pytest.raises(ValueError, match="unknown `quantity` 'phase'; choose from velocity"):
+            vi.plotting.bifurcation_diagram(diagram, quantity="phase")
+        indices = vi.describe(model, parameters=[gap], workers=1).to_dict()["indices"]
+        assert indices["impacts_per_period"] is None
+        assert indices["dissipation"] is None
         with pytest.raises(ValueError, match="`section` has no phases to draw: a phase is a fraction of the driving"):
             vi.plotting.impact_map(section)
 

@@ -103,7 +103,8 @@ def without_value(name: str, model: Model) -> str:
     if name == "max_force" and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):
         return "`max_force` needs a compliant stop; the force of a rigid one has no largest value"
     if name in OF_PERIODS and not getattr(model, "periodic", True):
-        return f"`{name}` refers to the driving period, which the model lacks, since its load has no frequency"
+        lacks = "refers to the driving period, which the model lacks, since its load has no frequency"
+        return f"`{name}` {lacks}; impact_statistics gives rates per second"
     return ""
 
 
