@@ -340,7 +340,8 @@ def span_values(parameter: Parameter, span: Mapping[str, Any], least: int = 1) -
         if points > MOST_POINTS:
             raise invalid(f"{name}.points", points, f"at most {MOST_POINTS:,}")
         if points > 1 and not low < high:
-            raise ValueError(f"`{name}` must increase, got {low:g} to {high:g}; give the smaller end first")
+            unit = f" {parameter.unit}".removesuffix(" 1")
+            raise ValueError(f"`{name}` must increase, got {low:g} to {high:g}{unit}; give the smaller end first")
         if points == 1 and low != high:
             hint = f"for a single value give {low:g} as both ends"
             raise invalid(f"{name}.points", points, f"at least 2 from {low:g} to {high:g}", hint)
