@@ -166,3 +166,15 @@ def test_an_island_of_sticking_has_a_closed_curve(monkeypatch):
     np.testing.assert_array_equal(curve.values[0], curve.values[-1])
     unit = (curve.values - (point.value, 1.0)) / (0.4, 1.0)
     assert np.hypot(*(unit - (0.1, 0.0)).T) == pytest.approx(0.1, rel=1e-12)
+
+
+def test_curves_are_displayed_in_a_line_each():
+    plane = ("omega", "restitution"), ((2.0, 3.0), (0.5, 0.9))
+    curves = vi.boundary_curves(vi.ImpactOscillator(), *plane, n_periods=(1,), lines=2)
+    head, *lines = repr(curves).splitlines()
+    assert head == "1 curve"
+    ranges = "omega [rad/s] 2.653 to 2.66, restitution 0.5 to 0.9"
+    assert lines[0] == f"  period doubling of period-1 impact-1: {len(curves[0].orbits)} points, {ranges}"
+    assert lines[1] == curves.message
+    assert all(text in curves._repr_html_() for text in ("period doubling of period-1 impact-1", ranges))
+    assert repr(type(curves)()) == "0 curves"

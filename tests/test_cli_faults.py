@@ -83,7 +83,7 @@ def child(*arguments: str, **options):
         ("map --x omega=1:2:3 --starts 1", "`starts` must be a whole number >= 2, got 1"),
         ("map --x omega=1:2:3 --starts 8 --start -1", "give either `start` or `starts`, not both"),
         ("map --x omega=1:2:3 --y m=1:2:3 --starts 8 --refine 2", "`refine` needs a grid and one initial"),
-        ("map --x omega=2:1:5", "`omega` must increase, got 2 to 1"),
+        ("map --x omega=2:1:5", "`omega` must increase, got 2 to 1 rad/s; give the smaller end first"),
         ("map --x omega=a:b:5", "`omega.from` must be .*, got 'a'.*`omega.to` must be .*, got 'b'"),
         ("map --x omgea=1:2:3", "did you mean 'omega'"),
         ("map --x omega=1:2:3 --y w=1:2:3", "give either `omega` or `w`, not both"),
@@ -97,7 +97,7 @@ def child(*arguments: str, **options):
         ("continue", "needs exactly one axis, got none"),
         ("continue --x omega=2", "`--x` must be NAME=FROM:TO, got 'omega=2'; for example --x omega=0.8:3"),
         ("continue --x omega=3:4", "`omega` must have a range that contains 2"),
-        ("continue --x omega=3:1", "`omega` must increase, got 3 to 1"),
+        ("continue --x omega=3:1", "`omega` must increase, got 3 to 1 rad/s"),
         ("continue --x omega=1:3 --step 2", "`step` must be .*, got 2"),
         ("continue --x omega=1:3 --doublings -1", "`--doublings` must be .*, got -1"),
         ("boundary --x omega=1:3", "needs exactly two axes, got omega"),
@@ -417,7 +417,7 @@ def test_another_study_on_a_store_is_refused_with_the_difference_and_nothing_is_
     assert "sample_impacts is 20 there, 30 here" in complaint
     complaint = refused("map --x w=1.5:2.5:8 --sample-impacts 20 --out map.zarr")
     assert "omega 1.5 to 2.5 in 9 there, omega 1.5 to 2.5 in 8 here" in complaint
-    assert "map of std over omega 1.5 to 2.5 in 9" in run("info map.zarr")[1][0]
+    assert "map of std over omega 1.5 to 2.5 rad/s in 9" in run("info map.zarr")[1][0]
     assert not re.search(r"\([0-9a-f]{8}\)", run("info map.zarr")[1][0])
     assert run(f"{small} -p gap=-1 --start 0,0,0 --out map.zarr --overwrite")[0] == 2
     assert vi.load(tmp_path / "map.zarr").sizes == {"omega": 9}
@@ -437,7 +437,8 @@ def test_a_plain_result_is_no_store_to_go_on_with(run, tmp_path):
     code, _, complaints = run("map --x w=1.5:2.5:9 --sample-impacts 20 --out map.zarr")
     assert code == 2
     assert "exists" in complaints[-1]
-    assert run("info map.zarr")[0] == 2
+    code, lines, _ = run("info map.zarr")
+    assert (code, lines[0]) == (0, "1 cell from rest at y = min(0, gap): angular driving frequency 2 rad/s")
 
 
 @pytest.mark.long

@@ -40,7 +40,7 @@ def test_a_family_takes_its_own_parameters_and_axes(run, tmp_path):
     assert run("plot map.zarr")[1][0] == (
         "4 x 3 cells from rest at y = min(0, gap): rpm 1200 to 1500 1/min; clearance mm 0.1 to 0.5"
     )
-    assert "over rpm 1200 to 1500 in 4 and clearance_mm" in run("info map.zarr")[1][0]
+    assert "over rpm 1200 to 1500 1/min in 4 and clearance_mm" in run("info map.zarr")[1][0]
 
 
 @pytest.mark.parametrize(

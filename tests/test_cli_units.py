@@ -16,6 +16,7 @@ from vibroimpact.cli.study import make_study
 from vibroimpact.model import units
 from vibroimpact.model.units import without_unit
 from vibroimpact.parameters import to_install
+from vibroimpact.report import sentences_of
 
 OF = vi.ImpactOscillator.parameters
 
@@ -54,7 +55,7 @@ def test_a_range_with_a_unit_at_its_first_end_alone_is_refused(refused, axis, wo
 
 
 def test_zero_needs_no_unit(run):
-    assert "gap -0.001 to 0 m" in "\n".join(run("map --x gap=-1mm:0:2 --sample-impacts 5")[1])
+    assert "gap -1 to 0 mm" in "\n".join(run("map --x gap=-1mm:0:2 --sample-impacts 5")[1])
 
 
 @pytest.mark.parametrize(
@@ -226,6 +227,104 @@ def test_a_branch_is_listed_in_the_unit_of_its_range(run, tmp_path):
     saved = vi.load(tmp_path / "branch.nc")["omega"]
     assert float(saved.max()) == pytest.approx(0.9 * np.pi, rel=1e-12)  # files are in SI units
     assert saved.attrs["units"] == "rad/s"
+
+
+SWEEPS = [
+    ("map --x omega=0.3Hz:0.5Hz:5 --sample-impacts 50", "driving frequency 0.3 to 0.5 Hz", "largest at omega = 0.4"),
+    ("map --x gap=1mm:3mm:5 --sample-impacts 50", "gap 1 to 3 mm", r"largest at gap = [\d.]+ mm"),
+    ("map --x omega=24rpm:30rpm:3 --y gap=1:3mm:4 --refine 1", "frequency 24 to 30 rpm; gap 1 to 3 mm", " rpm, gap"),
+    ("diagram --x omega=0.3Hz:0.5Hz:5", "of driving frequency 0.3 to 0.5 Hz", r"hardest impact .* at omega 0\.3 Hz"),
+    ("diagram --x gap=1mm:3mm:5 --direction up", "of gap 1 to 3 mm", r"  gap [\d.]+( to 3)? mm: "),
+    ("continue -p omega=0.41Hz --x omega=0.3Hz:0.5Hz", r"from omega = 0\.3 Hz", r"doubling at omega = 0\.4223\d* Hz"),
+    ("response -p c=0.1 -p gap=1500mm --x omega=0.1Hz:0.5Hz --step 0.05", "along omega from 0.1 to 0.5 Hz",
+     r"fold at omega = 0\.2626\d* Hz"),
+    ("boundary --x omega=0.3Hz:0.5Hz --y gap=0mm:300mm --periods 1 --lines 2",
+     r"driving frequency 0\.3297 to 0\.4224 Hz, gap 0 to 300 mm", "grazing .* mm "),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("command", "first", "second"), SWEEPS)
+def test_a_sweep_answers_and_is_saved_in_the_unit_that_was_typed(run, command, first, second):
+    code, lines, _ = run(command)
+    assert code == 0
+    text = "\n".join(lines)
+    assert re.search(first, text)
+    assert re.search(second, text)
+    assert not re.search(r"rad/s|gap [-.\d to]+ m\b|angular", text)
+    ending = "zarr" if command.startswith("map") else "nc"
+    assert run(f"{command} --out a.{ending}")[0] == 0
+    saved = vi.load(f"a.{ending}")
+    for name, si, unit in (("omega", "rad/s", "Hz|rpm"), ("gap", "m", "mm")):
+        if name in saved.coords:
+            assert saved[name].attrs["units"] == si
+            assert re.fullmatch(unit, saved[name].attrs["display_units"])
+    assert [line for line in lines if "computed in" not in line] == run(f"plot a.{ending}")[1]
+
+
+def test_a_stored_map_is_told_in_the_unit_that_was_typed(run):
+    run("map --x omega=0.3Hz:0.5Hz:5 --y gap=1mm:3mm:4 --sample-impacts 50 --out m.zarr")
+    assert "over omega 0.3 to 0.5 Hz in 5 and gap 1 to 3 mm in 4" in run("info m.zarr")[1][0]
+    assert vi.load("m.zarr")["gap"].values == pytest.approx([1e-3, 5e-3 / 3, 7e-3 / 3, 3e-3])
+
+
+def test_a_range_beside_the_orbit_is_refused_in_the_unit_that_was_typed(refused):
+    words = "`omega` must have a range that contains 0.41 Hz, where the orbit is searched for, got 0.5 Hz to 0.6 Hz"
+    assert words in refused("continue -p omega=0.41Hz --x omega=0.5Hz:0.6Hz")
+
+
+def test_a_quantity_of_pint_is_an_axis_in_its_unit():
+    pint = pytest.importorskip("pint")
+    of = pint.UnitRegistry().Quantity
+    design = vi.ImpactOscillator()
+    sweep = vi.parameter_map(design, gap=of(np.array([1.0, 2.0, 3.0]), "mm"), sample_impacts=50)
+    assert sweep["gap"].values == pytest.approx([1e-3, 2e-3, 3e-3], rel=1e-15)
+    assert any("gap 1 to 3 mm" in line for line in sentences_of(sweep))
+    turning = vi.bifurcation_diagram(design, omega=of([20.0, 30.0], "rpm"), sample_impacts=50)
+    assert turning["omega"].values == pytest.approx([2.0 * np.pi / 3.0, np.pi], rel=1e-15)
+    ax = vi.plotting.bifurcation_diagram(turning)
+    assert ax.get_xlabel() == r"driving frequency $\omega/2\pi$ [rpm]"
+    assert turning["omega"].values[0] < ax.get_xlim()[1] < 1.1 * np.pi  # the data stay in rad/s
+    ticks = [float(text) for text in ax.xaxis.major.formatter.format_ticks(ax.get_xticks())]
+    assert ticks == pytest.approx(30.0 / np.pi * np.array(ax.get_xticks()))
+    assert all(tick == round(tick) for tick in ticks)
+    table = vi.parameter_map(design, points={"omega": of([0.3, 0.4], "Hz"), "mass": [1.0, 2.0]}, sample_impacts=50)
+    assert table["omega"].values == pytest.approx([0.6 * np.pi, 0.8 * np.pi])
+    with pytest.raises(ValueError, match="`gap` must be a quantity that can be turned into m"):
+        vi.parameter_map(design, gap=of([1.0, 2.0], "s"))
+    with pytest.raises(ValueError, match="`gap` must be a finite number"):
+        design.replace(gap=of(1.0, "mm"))
+    curve = vi.response_curve(vi.ImpactOscillator(damping=0.1, gap=1.5), omega=(of(0.2, "Hz"), of(0.3, "Hz")), step=0.1)
+    assert curve.dataset["omega"].values[[0, -1]].max() <= 0.6 * np.pi
+
+
+def test_curves_lie_on_a_map_whose_axes_are_in_other_units(run):
+    run("map --x omega=0.3Hz:0.5Hz:5 --y gap=0:300mm:4 --sample-impacts 50 --out m.zarr")
+    curves = vi.boundary_curves(
+        vi.ImpactOscillator(), ("gap", "omega"), ((0.0, 0.3), (2.0, 3.0)), n_periods=(1,), lines=2
+    )
+    sweep = vi.load("m.zarr")
+    ax = vi.plotting.index_contour(sweep)
+    over = vi.plotting.boundaries(curves, ax=ax)
+    assert over.get_xlabel() == r"driving frequency $\omega/2\pi$ [Hz]"
+    assert over.get_ylabel() == "gap $g$ [mm]"
+    names = ("omega", "gap")
+    drawn = [line.get_xydata() for line in over.lines if len(line.get_xydata()) > 9]
+    for curve in curves:
+        expected = np.column_stack([curve.dataset[name].values for name in names])
+        assert any(len(line) == len(expected) and np.allclose(line, expected) for line in drawn)
+
+
+def test_the_line_of_the_model_is_named_in_the_unit_of_its_axis(run):
+    run("map -p gap=2mm -p omega=0.4Hz --x omega=0.3Hz:0.5Hz:5 --y gap=1mm:3mm:4 --sample-impacts 50 --out m.zarr")
+    sweep = vi.load("m.zarr")
+    ax = vi.plotting.index_contour(sweep, reference={"gap": 2e-3, "omega": 0.8 * np.pi})
+    assert {r"$g$ = 2 mm", r"$\omega/2\pi$ = 0.4 Hz"} <= {text.get_text() for text in ax.texts}
+
+
+@pytest.mark.parametrize("unit", ["furlong", "", "\x1b[2J"])
+def test_an_unknown_unit_in_a_file_leaves_the_own_one(unit):
+    label = {"long_name": "gap", "units": "m", "symbol": "g"}
+    assert units.display(label | {units.DISPLAY: unit})[1]["units"] in ("m", "furlong")
 
 
 def test_two_designs_are_compared_in_the_units_of_their_files(run, tmp_path):

@@ -114,9 +114,10 @@ def test_a_family_that_cannot_be_found_leaves_the_system_that_it_made(tmp_path):
     assert loaded.model == orbit.oscillator
 
 
+@pytest.mark.parametrize("ending", ["nc", "zarr"])
 @pytest.mark.parametrize("make", RESULTS)
-def test_info_tells_what_is_in_a_file(tmp_path, make, run):
-    path = vi.save(make(), tmp_path / "result.nc")
+def test_info_tells_what_is_in_a_file(tmp_path, make, run, ending):
+    path = vi.save(make(), tmp_path / f"result.{ending}")
     code, lines, _ = run(f"info {path}")
     assert code == 0
     assert lines == sentences_of(load_dataset(path))
@@ -125,7 +126,7 @@ def test_info_tells_what_is_in_a_file(tmp_path, make, run):
 def test_attractors_are_told_by_name_and_share(tmp_path):
     path = vi.save(with_several_attractors(), tmp_path / "result.nc")
     first, *rest = sentences_of(load_dataset(path))
-    assert first == "2 attractors, with shares of the initial conditions:"
+    assert first == "2 attractors found; shares of the initial conditions:"
     assert [line.split(",")[0] for line in rest] == ["  87.5 % period-2 impact-2", "  12.5 % period-6 sticking"]
 
 

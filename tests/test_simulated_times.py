@@ -1,6 +1,7 @@
 """Motions over seconds, at given times and under loads in pieces: the same motion, wherever it is looked at and cut."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 import vibroimpact as vi
 from dop853 import Compliant, Rigid, march
 from systems import a_random_machine, drawn
-from vibroimpact.report import sentences_of
+from vibroimpact.report import attractor_sentences, sentences_of
 
 GROUND = vi.Stop(direction=-1.0, gap=1.0, restitution=0.5)
 BALL = vi.ImpactSystem(mass=2.0, stiffness=0.0, force=vi.Force(constant=-4.0), stops=[GROUND])
@@ -164,6 +165,93 @@ def test_a_moving_stop_keeps_its_frequency():
     assert_same(vi.simulate(system, pieces=[(9.0, None)]), vi.simulate(system, duration=9.0))
     with pytest.raises(ValueError, match="must keep the frequency of the model, 2 rad/s, at which 'wall' moves; got 3"):
         vi.simulate(system, pieces=[(1.0, vi.Force(omega=3.0))])
+
+
+def without_a_period(seed):
+    """Return a system of one to three masses without a load, or under a constant one, with or without losses."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 4))
+    spring = rng.normal(size=(n, n))
+    stiffness = (spring @ spring.T + np.eye(n)) * (rng.random() < 0.7)
+    lossless = rng.random() < 0.5
+    damping = (0.0 if lossless else 0.05) * (stiffness + np.eye(n))
+    load = vi.Force(constant=rng.normal(size=n)) if rng.random() < 0.6 else None
+    restitution = 1.0 if lossless else float(rng.uniform(0.3, 0.9))
+    stops = [
+        vi.Stop(direction=sign * np.eye(n)[-1], gap=float(rng.uniform(0.05, 1.0)), restitution=restitution, name=name)
+        for sign, name in ((1.0, "right"), (-1.0, "left"))
+    ]
+    return vi.ImpactSystem(
+        mass=np.diag(rng.uniform(0.5, 2.0, n)), damping=damping, stiffness=stiffness, force=load, stops=stops
+    )
+
+
+def sentences_on(model):
+    """Yield what the functions say of a model, and the labels of their columns that have a value."""
+    start = vi.State(np.zeros(model.coordinates).tolist(), np.ones(model.coordinates).tolist())
+    gap = model.values["right_gap"]
+    axis = {"right_gap": [gap, 1.1 * gap]}
+    sampled = {"start": start, "sample_impacts": 30}
+    section = vi.impact_section(model, transient_impacts=10, **sampled)
+    sweep = vi.parameter_map(model, transient_impacts=10, indices="all", **sampled, **axis)
+    diagram = vi.bifurcation_diagram(model, transient_impacts=10, **sampled, **axis)
+    for dataset in (section, sweep, diagram):
+        yield from sentences_of(dataset)
+        yield from (str(each.attrs.get("long_name")) for each in dataset.values() if "no_value" not in each.attrs)
+    for n_impacts in (1, 2, -1):
+        yield vi.find_orbit(model, n_impacts=n_impacts).message
+    yield from attractor_sentences(vi.attractors(model, sample_impacts=50), model)
+    yield from str(vi.describe(model, parameters=["right_gap"], workers=1)).splitlines()
+
+
+@pytest.mark.long(but=4)
+@pytest.mark.parametrize("seed", range(24))
+def test_nothing_that_is_said_of_a_model_without_a_period_counts_periods(seed):
+    model = without_a_period(seed)
+    for sentence in sentences_on(model):
+        lacks = "no value" in sentence or sentence.startswith("the load has no frequency")
+        assert lacks or not re.search(r"driving period|per period|\bperiods\b|period-\d", sentence), sentence
+
+
+def test_an_index_of_periods_has_no_value_without_them():
+    model = without_a_period(0)
+    sweep = vi.parameter_map(model, indices="all", right_gap=[0.2, 0.3], sample_impacts=20)
+    for name in ("impacts_per_period", "dissipation", "n_periods", "n_impacts", "impact_phase_spread"):
+        assert "refers to the driving period, which the model lacks" in sweep[name].attrs["no_value"]
+    with pytest.raises(ValueError, match="`dissipation` refers to the driving period"):
+        vi.parameter_map(model, indices="dissipation", right_gap=[0.2, 0.3])
+
+
+def test_a_bouncing_ball_repeats_after_one_impact_and_a_thrown_mass_after_two():
+    ground = vi.Stop(direction=-1.0, gap=1.0, restitution=1.0, name="ground")
+    ball = vi.ImpactSystem(mass=1.0, stiffness=0.0, force=vi.Force(constant=-9.81), stops=[ground])
+    ends = [vi.Stop(direction=sign, gap=1.0, restitution=1.0) for sign in (1.0, -1.0)]
+    thrown = vi.ImpactSystem(mass=1.0, stiffness=0.0, stops=ends)
+    for model, start, gap, count in (
+        (ball, None, "ground_gap", "1 impact per cycle"),
+        (thrown, vi.State(0.0, 1.0), "stop_1_gap", "2 impacts per cycle"),
+    ):
+        diagram = vi.bifurcation_diagram(model, start=start, sample_impacts=20, **{gap: [1.0, 1.5]})
+        assert sentences_of(diagram)[-1] == f"  {gap} 1 to 1.5 m: {count}"
+        section = vi.impact_section(model, start=start, sample_impacts=20)
+        assert section["phase"].isnull().all()
+        assert vi.recognise(section).n_periods == 0
+        with pytest.raises(ValueError, match="unknown `quantity` 'phase'; choose from velocity"):
+            vi.plotting.bifurcation_diagram(diagram, quantity="phase")
+        indices = vi.describe(model, parameters=[gap], workers=1).to_dict()["indices"]
+        assert indices["impacts_per_period"] is None
+        assert indices["dissipation"] is None
+        with pytest.raises(ValueError, match="`section` has no phases to draw: a phase is a fraction of the driving"):
+            vi.plotting.impact_map(section)
+
+
+def test_a_preloaded_system_without_a_load_settles():
+    """Its stop lies beyond the rest position; there is no frequency to compute again with."""
+    stop = vi.Stop(direction=1.0, gap=-0.2, restitution=0.8, name="stop")
+    model = vi.ImpactSystem(mass=1.0, stiffness=4.0, damping=0.1, stops=[stop])
+    assert [each.name for each in vi.attractors(model)] == ["at rest"]
+    moved = vi.simulate(model, start=vi.State(-1.0, 0.0), duration=60.0)
+    assert moved["displacement"].values[-1] == pytest.approx(-0.2)
 
 
 def test_no_status_counts_periods_where_there_are_none():

@@ -107,3 +107,25 @@ def test_a_state_that_rounding_puts_beyond_a_stop_is_at_it(model):
     np.testing.assert_allclose(hits[1]["velocity"].values, hits[0]["velocity"].values, rtol=1e-9)
     with pytest.raises(ValueError, match="`start` "):
         vi.impact_section(model, start=vi.State([1e-9, *still] if still else 1e-9))
+
+
+def test_a_start_beyond_a_stop_is_refused_by_the_name_of_the_stop():
+    stops = [vi.Stop(direction=[1.0, 0.0], gap=0.5, name="left"), vi.Stop(direction=[0.0, 1.0], gap=0.5, name="bar")]
+    load = vi.Force(omega=1.0, harmonics={1: [1.0, 0.0]})
+    stiffness = [[2.0, -1.0], [-1.0, 1.0]]
+    chain = vi.ImpactSystem(mass=np.eye(2), damping=0.1 * np.eye(2), stiffness=stiffness, force=load, stops=stops)
+
+    @vi.family
+    def softer(factor=1.0):
+        return vi.ImpactSystem(**chain.arguments() | {"stiffness": factor * np.array(stiffness)})
+
+    start = vi.State([0.0, 1.0], [0.0, 0.0])
+    for call in (
+        lambda: vi.simulate(chain, start=start, duration=1.0),
+        lambda: vi.parameter_map(chain, start=start, omega=[1.0, 2.0]),
+        lambda: vi.bifurcation_diagram(chain, start=start, left_gap=[0.5, 0.6]),
+        lambda: vi.parameter_map(softer, start=[None, start], factor=[1.0, 2.0]),
+        lambda: vi.impact_section(softer, start=start),
+    ):
+        with pytest.raises(ValueError, match="`start` lies beyond 'bar' by 0.5 m at time 0"):
+            call()

@@ -188,3 +188,12 @@ def test_sticking_of_random_designs_hardly_ever_ends_before_its_boundary():
                 if any(periods_from_release(design, n) != n for design in there):
                     wrong.append((osc, found.kind, n))
     assert len(wrong) <= 1, wrong
+
+
+@pytest.mark.parametrize(("gap", "restitution"), [(0.1, 0.8), (0.1, 1.0), (0.0, 1.0), (-0.1, 1.0)])
+def test_a_free_undamped_mass_has_no_boundaries(gap, restitution):
+    """No motion attracts others, whatever the parameters: a table of them would say nothing."""
+    design = vi.ImpactOscillator(damping=0.0, amplitude=0.0, gap=gap, restitution=restitution)
+    text = " ".join(str(vi.describe(design, parameters=["gap"], workers=1)).split())
+    assert "boundaries not sought: without load and damping, energies are kept between impacts" in text
+    assert "no boundary" not in text

@@ -163,7 +163,7 @@ class Cells:
         """Return the depth in m of each initial condition beyond the stop, as one column; 0 in front of the stop."""
         return np.maximum(-self["clearance"], 0.0)[:, None]
 
-    def begun(self, start: State | None) -> Cells:
+    def begun(self, start: State | None, names: Sequence[str] = ()) -> Cells:
         """Return the cells started from an initial condition; None leaves them as they are.
 
         Raises

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -20,6 +21,7 @@ from vibroimpact.model.force import Force
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.stops import Stop
 from vibroimpact.model.system import ImpactSystem
+from vibroimpact.model.units import DISPLAY, display
 from vibroimpact.parameters import Parameter
 from vibroimpact.status import Status
 
@@ -244,7 +246,7 @@ def _encodes(value: Any, kind: type) -> bool:
         return False
 
 
-_LABELS = ("long_name", "units", "symbol", "flag_meanings")
+_LABELS = ("long_name", "units", "symbol", "flag_meanings", DISPLAY)
 _BUNDLES = {"boundary_curves": "curve", "continue_orbit": "branch"}  # the name of one result of each function
 _LAID_OUT = ("point", "special")  # dims along which the parts are concatenated
 # Attributes of each part, kept as lists; systems alone have the last two.
@@ -343,3 +345,48 @@ def _in_order(part: xr.Dataset) -> xr.Dataset:
     names = json.loads(part.attrs.get("arguments", "{}")).get("parameters", ())
     plane = [name for name in names if name in part.coords]
     return part.drop_vars(plane).assign_coords({name: part[name].variable for name in plane})
+
+
+# Units in which parameters are shown
+
+
+def with_display(dataset: xr.Dataset, units: Mapping[str, str]) -> xr.Dataset:
+    """Return a result whose parameters along axes, branches and curves are written and drawn in these units."""
+    for name, unit in units.items():
+        own = dataset[name].attrs.get("units") if name in dataset.coords else None
+        if own is None or unit == own:
+            continue
+        of_name = [name, *({"special_value"} & set(map(str, dataset.variables)))]
+        dataset = dataset.assign({key: _relabelled(dataset[key], 1.0, {DISPLAY: unit}) for key in of_name})
+    return dataset
+
+
+_NUMBER = r"-?\d[\d.]*(?:e[-+]?\d+)?"
+
+
+def displayed(dataset: xr.Dataset) -> xr.Dataset:
+    """Return a result with parameters, and the messages that contain their values, in the units to show."""
+    for key in [str(key) for key, column in dataset.variables.items() if DISPLAY in column.attrs]:
+        own = str(dataset[key].attrs.get("units", ""))
+        factor, labels = display(dataset[key].attrs)
+        unit = labels.get("units", "")
+
+        def converted(found: re.Match[str], name: str = key, factor: float = factor, unit: str = unit) -> str:
+            return name + re.sub(_NUMBER, lambda n: f"{float(n[0]) * factor:.11g}", found[1]) + f" {unit}"
+
+        pattern = rf"\b{re.escape(key)}( (?:=|from) {_NUMBER}(?: to {_NUMBER})?)(?: {re.escape(own)})?(?![\w.])"
+        messages = {
+            name: re.sub(pattern, converted, text)
+            for name, text in dataset.attrs.items()
+            if "message" in str(name) and isinstance(text, str)
+        }
+        dataset = dataset.assign({key: _relabelled(dataset[key], factor, labels)}).assign_attrs(messages)
+    return dataset
+
+
+def _relabelled(column: xr.DataArray, factor: float, labels: dict[str, Any]) -> xr.Variable:
+    """Return an array times a factor, with some labels replaced."""
+    attrs = {name: value for name, value in column.attrs.items() if name != DISPLAY} | labels
+    return plain_variable(
+        tuple(map(str, column.dims)), column.values * factor if factor != 1.0 else column.values, attrs
+    )

@@ -26,11 +26,13 @@ from vibroimpact.backends import (
 from vibroimpact.cells import Cells
 from vibroimpact.dataset import dataset_of, flags, impact_speed, missing, status_variable, variable
 from vibroimpact.execution.threads import run_sweep, run_tiles, tiles, worker_count
+from vibroimpact.labels import phase_variable
 from vibroimpact.model import Model, State, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import check_fits, check_steps, choice, invalid, phase_number, several, whole_number
 from vibroimpact.progress import Report, Stop, reporter
-from vibroimpact.request import COSTLY, Request, check_apart, check_axes
+from vibroimpact.request import COSTLY, Request, check_apart, check_axes, units_of
+from vibroimpact.sections import of_any_length
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
@@ -99,7 +101,8 @@ def bifurcation_diagram(
         True shows a bar; a callable gets (values done, values in all, Dataset so far) and stops the sweep by returning
         False.
     **axis : sequence of numbers
-        Exactly one parameter with strictly increasing values; `frequency` in Hz may replace `omega`.
+        Exactly one parameter with strictly increasing values; `frequency` in Hz may replace `omega`. Figures and
+        summaries show a quantity of pint in its own unit.
 
     Returns
     -------
@@ -154,7 +157,8 @@ def bifurcation_diagram(
         raise invalid("coordinate", coordinate, f"less than the number of coordinates, {design.coordinates}")
     seen = observed_by(named, design, of) if named or of is not None else None
     measurement = Measurement(window, Tolerances.of(tolerances), indices=chosen, of=seen)
-    request = Request(osc, axes, measurement, one_start(start), engine.sampler, time_step, of)
+    units = units_of(axis, osc.parameters)
+    request = Request(osc, axes, measurement, one_start(start), engine.sampler, time_step, of, units=units)
     cells = request.cells()
     total = len(cells) * window.keep
     hint = f"use fewer points, or smaller `sample_{_along(section)}s`"
@@ -182,8 +186,10 @@ def bifurcation_diagram(
     finished: list[int] = []
     table = {str(name): values.values for name, values in dataset.data_vars.items()}
     with reporter(progress, "values") as report:
-        for at, samples in columns:
+        for at, samples in ((at, of_any_length(samples, design)) for at, samples in columns):
             _fill(table, section, at, samples, coordinate)
+            if section == "impact" and not design.periodic:
+                table["phase"][at] = np.nan
             finished.append(at)
             if not stop.is_set() and report(len(finished), len(cells), dataset) is False:
                 stop.set()
@@ -237,7 +243,7 @@ def _empty_diagram(request: Request, section: str, keep: int, stops: tuple[str, 
     dims, shape = (name, _along(section)), (number, keep)
     first, second = np.full(shape, np.nan), np.full(shape, np.nan)
     if section == "impact":
-        points = {"velocity": impact_speed(dims, first), "phase": variable("phase", dims, second)}
+        points = {"velocity": impact_speed(dims, first), "phase": phase_variable(dims, second, request.model.at())}
         if stops:
             points["stop"] = flags(dims, np.full(shape, -1), "stop that is struck", ["none", *stops], first=-1)
     else:

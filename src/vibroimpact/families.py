@@ -97,7 +97,7 @@ class Family:
         designs = (self.at(**dict(zip(points, row, strict=True))) for row in rows) if points else iter([self.at()])
         first = next(designs)
         cells: Cells = first.cells_of(chain([first], _of_one_kind(designs, first.kind)))
-        return cells.begun(start)
+        return cells.begun(start, first.stop_names)
 
     def _checked(self, values: Mapping[str, Any]) -> dict[str, float]:
         check_names(self.parameters, values)

@@ -55,7 +55,7 @@ def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str]) -> xr.Data
     """Return the impacts in a window, as `impact_section` does: their times, phases, stops and velocities."""
     columns = {
         "time": variable("time", "impact", in_seconds(model, samples.impact_periods, samples.impact_phase)),
-        "phase": variable("phase", "impact", samples.impact_phase),
+        "phase": phase_variable("impact", samples.impact_phase, model),
         "velocity": impact_speed("impact", samples.impact_velocity),
     }
     if not _is_plain(samples):
@@ -67,6 +67,14 @@ def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str]) -> xr.Data
         }
     status = {"status": status_variable((), samples.status)}
     return dataset_of(columns | _rests(model, samples) | status, attrs=attrs)
+
+
+def phase_variable(dims: Any, phases: Any, model: Any) -> xr.Variable:
+    """Return phases of the driving period; NaN for a model without one."""
+    if model.periodic:
+        return variable("phase", dims, phases)
+    reason = "a phase is a fraction of the driving period, which the model lacks"
+    return variable("phase", dims, np.full(np.shape(phases), np.nan), no_value=reason)
 
 
 def _is_plain(samples: Any) -> bool:

@@ -29,7 +29,9 @@ from vibroimpact.dataset import (
 )
 from vibroimpact.indices import DISPLACEMENTS, EVERY
 from vibroimpact.model import Model, State, check_names, one_start
+from vibroimpact.model.units import DISPLAY, in_own_unit
 from vibroimpact.parameters import Parameter, check_steps, invalid, positive_number, whole_number
+from vibroimpact.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -54,6 +56,9 @@ class Request:
     of: Any = None  # what the indices of displacements are of, as it was given
     scattered: bool = False  # points (dim `point`) instead of a grid
     further: Mapping[str, Any] = field(default_factory=dict)  # other inputs of the result: how a map is refined
+    units: Mapping[str, str] = field(
+        default_factory=dict
+    )  # of axes, to write and draw them in; no number depends on it
 
     @property
     def n_starts(self) -> int:
@@ -100,19 +105,24 @@ class Request:
 
     def completed(self, outcome: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         """Return the outcome of some cells with missing values of the indices that the model lacks."""
-        cells = len(outcome["status"])
+        cells, status = len(outcome["status"]), outcome["status"]
+        if not self.model.at().periodic:  # there are no periods to be few
+            outcome = {
+                **outcome,
+                "status": np.where(status == Status.SHORT_WINDOW, status.dtype.type(Status.OK), status),
+            }
         sizes = {name: tuple(self.sizes_of(name).values())[len(self.shape) :] for name in self.absent}
         return {**outcome, **{name: missing(name, (cells, *more)) for name, more in sizes.items()}}
 
     def attrs_of(self, name: str) -> dict[str, str]:
         """Return the attributes of a variable: its labels, and why it has no value."""
-        label = EVERY[name].label if name in EVERY else {}
+        attrs = EVERY[name].label if name in EVERY else {}
         if self.of is not None and name in DISPLACEMENTS:
             what = self.of if isinstance(self.of, str) or np.ndim(self.of) else f"coordinate {self.of}"
-            label["long_name"] += f" of {what}"
+            attrs["long_name"] += f" of {what}"
             if isinstance(self.measurement.of, int):
-                label["long_name"] = label["long_name"].replace("displacement", "clearance")
-        return label | ({"no_value": self.absent[name]} if name in self.absent else {})
+                attrs["long_name"] = attrs["long_name"].replace("displacement", "clearance")
+        return attrs | ({"no_value": self.absent[name]} if name in self.absent else {})
 
     @cached_property
     def stops(self) -> tuple[str, ...]:
@@ -131,7 +141,8 @@ class Request:
 
     def coordinates(self) -> dict[str, xr.Variable]:
         """Return the labelled axes of a result."""
-        labels = {name: label(self.model.parameters[name]) for name in self.axes}
+        shown = {name: {DISPLAY: unit} for name, unit in self.units.items()}
+        labels = {name: label(self.model.parameters[name]) | shown.get(name, {}) for name in self.axes}
         dims = dict.fromkeys(self.axes, "point") if self.scattered else {name: name for name in self.axes}
         whole = {name for name in self.axes if self.model.parameters[name].whole}
         columns = {name: values.astype(np.int64) if name in whole else values for name, values in self.axes.items()}
@@ -147,7 +158,7 @@ class Request:
         """Return the cells at some flat indices, bit for bit the same in every selection."""
         flat = np.arange(*at.indices(len(self))) if isinstance(at, slice) else at
         if not isinstance(self.start, (tuple, int)):
-            return self._designs_at(flat).begun(self.start)
+            return self._designs_at(flat).begun(self.start, self._names)
         designs, owner = np.unique(flat // self.n_starts, return_inverse=True)
         cells, numbers = self._designs_at(designs)[owner], flat % self.n_starts
         if isinstance(self.start, int):
@@ -155,8 +166,13 @@ class Request:
             cells.table[struck] = cells[struck].struck(numbers[struck] - 1).table
         else:
             for number, start in enumerate(self.start):
-                cells.table[numbers == number] = cells[numbers == number].begun(start).table
+                cells.table[numbers == number] = cells[numbers == number].begun(start, self._names).table
         return cells
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
+        """The names of the stops."""
+        return tuple(self.model.at().stop_names)
 
     def _designs_at(self, flat: Places) -> Cells:
         """Return designs by flat index, at rest; the function of a family is called once for each."""
@@ -291,10 +307,16 @@ def check_apart(axes: Iterable[str], indices: Iterable[str]) -> None:
         )
 
 
+def units_of(axes: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> dict[str, str]:
+    """Return the units in which checked axes were given, where these are not the parameters' own."""
+    given = {name: in_own_unit(parameters[name], values).unit for name, values in axes.items()}
+    return {name: unit for name, unit in given.items() if unit not in ("", parameters[name].unit)}
+
+
 def check_points(points: Any, model: Model) -> dict[str, Floats]:
     """Return the columns of a table of designs as arrays of equal length."""
     try:
-        columns = {str(name): np.asarray(points[name]) for name in points}
+        columns = {str(name): points[name] for name in points}
     except (TypeError, KeyError, IndexError):
         raise invalid(
             "points", points, "a mapping or DataFrame of columns", "as in {'omega': [...], 'gap': [...]}"
@@ -328,7 +350,7 @@ def _check_varied(names: Mapping[str, Any], parameters: Mapping[str, Parameter])
 
 
 def _values(entries: Any, parameter: Parameter) -> Floats:
-    values = _numbers(entries)
+    values = _numbers(in_own_unit(parameter, entries).values)
     if values.ndim != 1 or values.size == 0:
         hint = f"as in {parameter.name}=np.linspace(0.1, 5, 200)"
         raise invalid(parameter.name, entries, "a one-dimensional, non-empty list of numbers", hint)

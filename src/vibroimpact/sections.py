@@ -76,9 +76,7 @@ class Followed:
             check_steps("times", "needs", steps, "end sooner")
         with reporter(None, "motion"):
             (samples,) = self.engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
-        if samples.status == Status.SHORT_WINDOW and not design.periodic:  # there are no periods to be few
-            samples = replace(samples, status=int(Status.STICKING if len(samples.rest_begin) else Status.OK))
-        return samples
+        return of_any_length(samples, design)
 
     def check_cost(self, window: Window) -> None:
         """Raise if memory cannot hold the samples, or if fixed steps would take too long."""
@@ -101,6 +99,13 @@ class Followed:
         """Return the attributes that record how a result was made."""
         common = {"backend": self.engine.sampler, "time_step": self.time_step}
         return provenance(function, self.model, {"start": self.start, **how, **common})
+
+
+def of_any_length(samples: Any, design: Any) -> Any:
+    """Return samples that are not called short for their driving periods if the design has none."""
+    if samples.status != Status.SHORT_WINDOW or design.periodic:
+        return samples
+    return replace(samples, status=int(Status.STICKING if len(samples.rest_begin) else Status.OK))
 
 
 def check_periodic(design: Any, hint: str) -> None:
@@ -165,8 +170,9 @@ def impact_section(
     Returns
     -------
     xarray.Dataset
-        `time` in s, `phase` (t mod T)/T in [0, 1), `velocity` in m/s just before contact, > 0 (dim `impact`, fewer rows
-        if impacts cease); `stick_time`, `release_time` (dim `stick`) between the first and the last of them; `status`.
+        `time` in s, `phase` (t mod T)/T in [0, 1), NaN for a model without a driving period, `velocity` in m/s just
+        before contact, > 0 (dim `impact`, fewer rows if impacts cease); `stick_time`, `release_time` (dim `stick`)
+        between the first and the last of them; `status`.
 
     Raises
     ------

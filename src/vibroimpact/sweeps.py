@@ -20,7 +20,7 @@ from vibroimpact.model import Model, State, check_model
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import STEPS, check_fits, truth, whole_number
 from vibroimpact.progress import Report, Stop, reporter
-from vibroimpact.request import Request, check_apart, check_axes, check_points, check_start, map_of
+from vibroimpact.request import Request, check_apart, check_axes, check_points, check_start, map_of, units_of
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
@@ -119,7 +119,8 @@ def parameter_map(
         True shows a bar. A callable gets (cells done, cells in all, Dataset so far) and stops the sweep by returning
         False; the Dataset so far is then returned, with unfinished cells `interrupted`.
     **axes : sequences of numbers
-        Values of parameters by name, strictly increasing; `frequency` in Hz may replace `omega`.
+        Values of parameters by name, strictly increasing; `frequency` in Hz may replace `omega`. Figures and summaries
+        show a quantity of pint in its own unit; coordinates are always in the unit of the parameter.
 
     Returns
     -------
@@ -178,8 +179,10 @@ def parameter_map(
     measurement = Measurement(window, Tolerances.of(tolerances), early_closing, chosen, by_stop, seen)
     varied = check_axes(axes, osc.parameters) if points is None else check_points(points, osc)
     check_apart(varied, chosen)
-    scattered = points is not None
-    request = Request(osc, varied, measurement, check_start(start), backend, time_step, of, scattered)
+    request = Request(
+        osc, varied, measurement, check_start(start), backend, time_step, of, points is not None,
+        units=units_of(axes if points is None else points, osc.parameters),
+    )  # fmt: skip
     check_takes(engine, osc.at())
     if by_stop and refine is not None:
         raise ValueError("give either `by_stop` or `refine`, not both")

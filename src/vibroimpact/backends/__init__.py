@@ -94,14 +94,20 @@ def _computes(backend: Backend, name: str) -> bool:
     return name in backend.known_indices or (name in FORCES and not isinstance(backend, OfOneMass))
 
 
+# Indices that count driving periods, or measure in them.
+OF_PERIODS = "impacts_per_period", "dissipation", "n_periods", "n_impacts", "impact_phase_spread"
+OF_PHASES = "harmonic_amplitude", "harmonic_phase"
+
+
 def without_value(name: str, model: Model, of: Any = ()) -> str:
     """Return why a model has no value of an index; empty if it has one. `of` None: no displacement is named."""
     if name in FORCES and isinstance(model, ImpactOscillator):
         return f"`{name}` is an index of systems; write the oscillator as an ImpactSystem"
     if name in ("max_force", "rms_force") and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):
         return f"`{name}` needs a compliant stop; the force of a rigid one has no largest value"
-    if name.startswith("harmonic") and not getattr(model, "periodic", True):
-        return f"`{name}` is that at the driving frequency; the load has none"
+    if name in (*OF_PERIODS, *OF_PHASES) and not getattr(model, "periodic", True):
+        lacks = "refers to the driving period, which the model lacks, since its load has no frequency"
+        return f"`{name}` {lacks}; impact_statistics gives rates per second"
     if name in DISPLACEMENTS and of is None:
         return f"`{name}` is that of a point, a coordinate or a clearance; name it by `of`"
     return ""

@@ -45,7 +45,7 @@ def attractors(options: Options) -> None:
     else:
         from vibroimpact.report import attractor_sentences
 
-        for line in (*attractor_sentences(found), f"computed in {duration(meter.seconds)}"):
+        for line in (*attractor_sentences(found, study.model), f"computed in {duration(meter.seconds)}"):
             typer.echo(line)
     if meter.stopped:
         raise Interrupted("interrupted; what was found so far is shown")

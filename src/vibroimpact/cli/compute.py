@@ -13,6 +13,7 @@ from vibroimpact.cli import schema as o
 from vibroimpact.cli.endings import Interrupted, WrongRequest, refusing
 from vibroimpact.cli.options import Option, Options, with_options
 from vibroimpact.cli.study import Study, name_of, span_values, study_of
+from vibroimpact.cli.times import OWN
 from vibroimpact.compiling import before_compiling, clock
 from vibroimpact.progress import Meter
 
@@ -32,15 +33,26 @@ def simulate(options: Options) -> None:
       vibroimpact simulate -p omega=2.8 --periods 30
       vibroimpact simulate -p w=0.9 --start -1,0,0 --out orbit.csv
       vibroimpact simulate -p w=0.9 --times 0:20:101 --out orbit.csv
+      vibroimpact simulate --piece 0.5s:2N --piece 10s:0 --out pulse.png
       vibroimpact simulate -p w=0.9 --figure phase-portrait --out portrait.png
       vibroimpact simulate -p w=2.8 --periods 8 --out motion.gif
     """
     study = study_of(options)
+    if "pieces" in study.settings:
+        study = _with_own_load(study)
     _motion("simulate", study, options)
-    if options["out"] is None:
+    if options["out"] is None and "pieces" not in study.settings:
         from vibroimpact.report import motion_of
 
         typer.echo(f"settles to: {motion_of(_call('impact_section', study))}")
+
+
+def _with_own_load(study: Study) -> Study:
+    """Return a study in whose pieces the load of the model stands where it was asked for by name."""
+    design = study.model.at()
+    own = getattr(design, "system", design).force
+    pieces = [(seconds, own if force == OWN else force) for seconds, force in study.settings["pieces"]]
+    return replace(study, settings=study.settings | {"pieces": pieces})
 
 
 @with_options(
@@ -100,7 +112,11 @@ def diagram(options: Options) -> None:
     from vibroimpact.execution.threads import GRACE
 
     _sweep(
-        "bifurcation_diagram", Meter("diagram", patience=GRACE, opening=study.announce), study, options, **study.axes
+        "bifurcation_diagram",
+        Meter("diagram", patience=GRACE, opening=study.announce),
+        study,
+        options,
+        **study.typed_axes,
     )
 
 
@@ -144,7 +160,12 @@ def parameter_map(options: Options) -> None:
         from vibroimpact.execution.threads import GRACE
 
         _sweep(
-            "parameter_map", Meter("map", patience=GRACE, opening=study.announce), study, options, **study.axes, **more
+            "parameter_map",
+            Meter("map", patience=GRACE, opening=study.announce),
+            study,
+            options,
+            **study.typed_axes,
+            **more,
         )
 
 
@@ -241,7 +262,7 @@ def _into_store(study: Study, options: Options, more: dict[str, Any], *, resumed
         files.replacing_store(place, out),
         refusing(StoreBusy),
     ):
-        _call("parameter_map", study, progress=meter, store=place, **study.axes, **more)
+        _call("parameter_map", study, progress=meter, store=place, **study.typed_axes, **more)
     if meter.stopped:
         unchanged = f"{out} is unchanged; " if place != out else ""
         state = files.state_of(place, meter.seconds)

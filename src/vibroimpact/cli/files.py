@@ -7,7 +7,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -85,13 +85,13 @@ def _understood(path: Path) -> Iterator[None]:
     Option(
         "file",
         "STORE",
-        "A map written tile by tile, as a .zarr, or any result in a .nc file.",
+        "A map written tile by tile, as a .zarr, or any result saved as .zarr or .nc.",
         flags=(),
         required=True,
     )
 )
 def info(options: Options) -> None:
-    """Progress of a stored map, what it cost and found, and how to continue it; or what is in a .nc file.
+    """Progress of a stored map, what it cost and found, and how to continue it; or what a saved result holds.
 
     For example:
 
@@ -99,10 +99,22 @@ def info(options: Options) -> None:
       vibroimpact info orbit.nc
     """
     file: Path = options["file"]
-    if file.is_file():  # no store, which is a folder
+    if file.is_file() or _holds_a_result(file):
         _summarise(file)
         return
     typer.echo("\n".join(map(printable, sentences_of_store(file))))
+
+
+def _holds_a_result(folder: Path) -> bool:
+    """Return whether a .zarr is a result saved as a whole, not a map written tile by tile."""
+    import json
+
+    from vibroimpact.files.guard import DESCRIPTION, GuardedStore
+
+    with suppress(OSError, ValueError, LookupError, TypeError):
+        attributes = json.loads(GuardedStore(folder).content(DESCRIPTION) or b"")["attributes"]
+        return "function" in attributes and "study" not in attributes
+    return False
 
 
 @with_options(
@@ -268,6 +280,8 @@ def sentences_of_store(path: Path) -> Iterator[str]:
         store = SweepStore(path)
     identity = dict(store.identity)
     axes = [unmarked(name, str(identity.pop(name))) for name in list(identity) if name.startswith("axis ")]
+    with suppress(OSError):
+        axes = _with_units(axes, store)
     kind = "refined map" if "refine" in identity else "parameter map"
     yield f"{path}: {kind} of {identity.pop('indices')} over {' and '.join(axes)}"
     yield "  " + ", ".join(f"{name} {value}" for name, value in identity.items() if value is not None)
@@ -285,6 +299,15 @@ def sentences_of_store(path: Path) -> Iterator[str]:
     yield from faults
     if faults or not store.is_complete():
         yield f"continue with: {_command_of(store) or 'the same parameter_map(..., store=...) call'}"
+
+
+def _with_units(axes: list[str], store: SweepStore) -> list[str]:
+    """Return the axes of a store in the units in which they were given."""
+    from vibroimpact.dataset import displayed
+    from vibroimpact.report.quantities import span
+
+    dataset = displayed(store.dataset())
+    return [f"{name} {span(dataset[name])} in {dataset[name].size}" for name in (axis.split()[0] for axis in axes)]
 
 
 def _command_of(store: SweepStore) -> str:

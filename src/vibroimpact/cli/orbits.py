@@ -16,6 +16,7 @@ from vibroimpact.cli.endings import Ended, WrongRequest, refusing
 from vibroimpact.cli.options import Options, numbers, with_options
 from vibroimpact.cli.study import Study, study_of
 from vibroimpact.compiling import before_compiling, clock
+from vibroimpact.model.units import quantity
 from vibroimpact.parameters import choice
 from vibroimpact.progress import Meter, duration
 
@@ -219,9 +220,10 @@ def _ranges(study: Study, count: int, *, contain: bool = True) -> dict[str, Rang
             raise WrongRequest(f"`{name}` must be a range, got one value; write {name}=FROM:TO")
         low, high, value = float(values[0]), float(values[-1]), value_of(study.model, name)
         if contain and not low <= value <= high:
+            at, first, last = (quantity(study.model, name, each, 6, study.units) for each in (value, low, high))
             raise WrongRequest(
-                f"`{name}` must have a range that contains {value:g}, where the orbit is searched for, got {low:g} to "
-                f"{high:g}; widen it, or search elsewhere with -p {name}=..."
+                f"`{name}` must have a range that contains {at}, where the orbit is searched for, got {first} to "
+                f"{last}; widen it, or search elsewhere with -p {name}=..."
             )
     return {name: (float(values[0]), float(values[-1])) for name, values in study.axes.items()}
 

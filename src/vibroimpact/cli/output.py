@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +30,9 @@ def hand_on(
     dataset: xr.Dataset, options: Options, seconds: float, over: xr.Dataset | None = None, units: Units | None = None
 ) -> None:
     """Write a result to its file, or print its sentences, with the parameters of curves in these units."""
+    from vibroimpact.dataset import with_display
+
+    dataset = with_display(dataset, units or {})
     if options["out"] is not None:
         write(dataset, options, options["out"], over)
         typer.echo(f"wrote {options['out']} ({duration(seconds)})")
@@ -39,36 +41,10 @@ def hand_on(
 
     rate = speed(int(dataset.attrs.get("impacts_computed", 0)), seconds)
     for line in (
-        *sentences_of(_with_units(dataset, units or {})),
+        *sentences_of(dataset),
         ", ".join(filter(None, (f"computed in {duration(seconds)}", rate))),
     ):
         typer.echo(line)
-
-
-def _with_units(dataset: xr.Dataset, units: Units) -> xr.Dataset:
-    """Return branches or curves with the parameters along them in these units."""
-    from vibroimpact.model.units import in_unit
-    from vibroimpact.report import quantity
-
-    for name in (name for name in units if name in dataset.coords):
-        given, wanted = dataset[name].attrs["units"], units[name]
-        if given == wanted:
-            continue
-
-        def converted(found: re.Match[str], name: str = name, units: tuple[str, str] = (given, wanted)) -> str:
-            return f"{name} = {quantity(in_unit(float(found[1]), *units), units[1])}"
-
-        pattern = rf"\b{name} = (-?\d[\d.]*(?:e[-+]?\d+)?)"
-        attrs = {
-            key: re.sub(pattern, converted, text) if "message" in key and isinstance(text, str) else text
-            for key, text in dataset.attrs.items()
-        }
-        dataset = dataset.assign_attrs(attrs)
-        for key in {name, "special_value"} & set(map(str, dataset.variables)):
-            column = dataset[key]
-            values = in_unit(column.values, given, wanted)
-            dataset = dataset.assign({key: (column.dims, values, {**column.attrs, "units": wanted})})
-    return dataset
 
 
 def finish(

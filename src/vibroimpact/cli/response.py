@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from vibroimpact.cli import output
 from vibroimpact.cli import schema as o
-from vibroimpact.cli.endings import refusing
+from vibroimpact.cli.endings import WrongRequest, refusing
 from vibroimpact.cli.options import Options, with_options
 from vibroimpact.cli.orbits import one_range
 from vibroimpact.cli.study import study_of
@@ -29,8 +29,15 @@ def response(options: Options) -> None:
     study = study_of(options)
     parameter, span = one_range(study)
     output.check(options, "response_curve")
-    with Meter("orbits", opening=study.announce) as meter, refusing():
-        curve = vibroimpact.response_curve(
-            study.model, of=study.settings.get("of"), step=options.value("step"), progress=meter, **{parameter: span}
-        )
-    output.finish(curve.dataset, options, meter, units=study.units)
+    dataset, of = None, study.settings.get("of")
+    with Meter("orbits", opening=study.announce) as meter:
+        try:
+            with refusing():
+                curve = vibroimpact.response_curve(
+                    study.model, of=of, step=options.value("step"), progress=meter, **{parameter: span}
+                )
+            dataset = curve.dataset
+        except WrongRequest:
+            if not meter.stopped:
+                raise
+    output.finish(dataset, options, meter, units=study.units)

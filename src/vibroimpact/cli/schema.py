@@ -10,7 +10,16 @@ from typing import Any
 from vibroimpact import figures, indices
 from vibroimpact.cli.endings import WrongRequest
 from vibroimpact.cli.options import FLAG, PATH, TEXTS, Key, Option, number, numbers, words
-from vibroimpact.cli.times import check_duration, check_times, read_times
+from vibroimpact.cli.times import (
+    ENDS,
+    check_coordinates,
+    check_duration,
+    check_pieces,
+    check_times,
+    read_pieces,
+    read_start,
+    read_times,
+)
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import (
     COUNTS,
@@ -22,8 +31,6 @@ from vibroimpact.parameters import (
     real_number,
     whole_number,
 )
-
-ENDS = ("from", "to", "points")  # of an axis
 
 
 def _whole(least: int) -> Callable[[str, Any], int]:
@@ -56,13 +63,6 @@ def _backend(name: str, value: Any) -> str:
     from vibroimpact.backends import check_backend
 
     return check_backend(name, value)
-
-
-def _coordinates(name: str, value: Any) -> Any:
-    """Return a number, or several for the coordinates of a system."""
-    if isinstance(value, (list, tuple)):
-        return [_coordinates(name, each) for each in value]
-    return real_number(name, value, hint="write it without a unit" if isinstance(value, str) else "")
 
 
 def _level(name: str, value: Any) -> float:
@@ -126,24 +126,11 @@ USER_MODEL = Option(
 MODEL = (STUDY, PARAMETERS, USER_MODEL)
 
 
-def _start(text: str) -> dict[str, Any]:
-    if ":" in text:  # of a system: coordinates, their velocities, time
-        groups = [numbers("--start", part, "Q,Q:V,V:T with a number for each coordinate") for part in text.split(":")]
-        if len(groups) > 3 or len(groups[2:]) != sum(len(group) == 1 for group in groups[2:]):
-            raise WrongRequest(f"`--start` must be Q,Q:V,V:T such as 0.1,0:0,0:0, got {text!r}")
-        named = dict(zip(("displacement", "velocity"), map(list, groups), strict=False))
-        return named | ({"time": groups[2][0]} if groups[2:] else {})
-    parts = numbers("--start", text, "up to three numbers Y,V,T such as -1,0,0")
-    if len(parts) > 3:
-        raise WrongRequest(f"`--start` must be up to three numbers Y,V,T such as -1,0,0, got {text!r}")
-    return dict(zip(("displacement", "velocity", "time"), parts, strict=False))
-
-
 START = Option(
     "start", "Y,V,T",
     "Initial displacement in m, velocity in m/s and time in s; V and T may be left out. (default: at rest at min(0, "
     "gap), time 0) For systems, numbers for all coordinates: Q,Q:V,V:T.",
-    "Oscillator", table="start", read=_start,
+    "Oscillator", table="start", read=read_start,
 )  # fmt: skip
 STARTS = Option(
     "starts", "N",
@@ -206,10 +193,13 @@ PERIODS = (
 DURATION = (
     _sampling("periods", "N", "Driving periods to compute.", default=20, check=positive_number),
     _sampling("duration", "S", "Length in s, or with another unit: 20ms.", check=check_duration),
+    _sampling("pieces", "TIME:FORCE", "Load in pieces instead of that of the model, each such as 4ms:50N, or 1s:model "
+              "for the load of the model. For systems, a force for each coordinate: 4ms:0,50. Repeat it for more.",
+              flags=("--piece",), kind=TEXTS, read=read_pieces, check=check_pieces),
     _sampling("times", "T,T,..", "Times of samples in s; or FROM:TO:POINTS.", read=read_times, check=check_times),
     _sampling("skip_periods", "N", "Driving periods to skip first.", default=0, check=_whole(0)),
     _sampling("samples_per_period", "N", "Samples per driving period.", default=200, check=_whole(1)),
-)
+)  # fmt: skip
 OTHERS = replace(
     START, help="For systems: the coordinates that no axis varies, and the time: Q,Q:V,V:T. (default: at rest)"
 )
@@ -388,8 +378,8 @@ JSON = _output("json", "", "Print as JSON.", kind=FLAG)
 
 _KEYS = (
     *IMPACTS, *PERIODS, *DURATION,
-    Key("displacement", table="start", check=_coordinates), Key("velocity", table="start", check=_coordinates),
-    Key("time", table="start", check=real_number),
+    Key("displacement", table="start", check=check_coordinates),
+    Key("velocity", table="start", check=check_coordinates), Key("time", table="start", check=real_number),
     TOLERANCE, Key("flight_periods", table="tolerances", check=TOLERANCE.check),
     Key("steps_per_impact", table="tolerances", check=TOLERANCE.check),
     INDICES, BACKEND, TIME_STEP, WORKERS, SECTION, DIRECTION, EVERY_IMPACT, BY_STOP, STARTS, COORDINATE, OF,

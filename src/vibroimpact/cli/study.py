@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING, Any
 from vibroimpact.beside import compile_beside
 from vibroimpact.cli.endings import refusing
 from vibroimpact.cli.options import Options, number
-from vibroimpact.cli.schema import ENDS, TABLES
+from vibroimpact.cli.schema import TABLES
+from vibroimpact.cli.times import ENDS
 from vibroimpact.indices import EVERY
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.units import (
+    InUnit,
     few_values,
     has_unit,
     is_unit,
@@ -75,6 +77,11 @@ class Study:
         """Print the model and the numbers used, once the whole request has been accepted."""
         warning = [f"vibroimpact: {self.warning}"] if self.warning else []
         print(self, *warning, sep="\n", file=sys.stderr, flush=True)
+
+    @property
+    def typed_axes(self) -> dict[str, InUnit]:
+        """The axes, with the units in which they were given."""
+        return {name: InUnit(values, self.units.get(name, "")) for name, values in self.axes.items()}
 
     def arguments(self, function: str) -> dict[str, Any]:
         """Return the arguments of a public function from the study, without axes; others are left out."""
@@ -333,7 +340,8 @@ def span_values(parameter: Parameter, span: Mapping[str, Any], least: int = 1) -
         if points > MOST_POINTS:
             raise invalid(f"{name}.points", points, f"at most {MOST_POINTS:,}")
         if points > 1 and not low < high:
-            raise ValueError(f"`{name}` must increase, got {low:g} to {high:g}; give the smaller end first")
+            unit = f" {parameter.unit}".removesuffix(" 1")
+            raise ValueError(f"`{name}` must increase, got {low:g} to {high:g}{unit}; give the smaller end first")
         if points == 1 and low != high:
             hint = f"for a single value give {low:g} as both ends"
             raise invalid(f"{name}.points", points, f"at least 2 from {low:g} to {high:g}", hint)

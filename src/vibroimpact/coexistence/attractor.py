@@ -146,7 +146,11 @@ def _hits_as(orbit: Orbit, attractor: Attractor) -> bool:
 
 def distinct_names(attractors: Sequence[Attractor]) -> list[str]:
     """Return the attractors' names, followed by a letter if several have the same name."""
-    names = [attractor.name for attractor in attractors]
+    return distinct([attractor.name for attractor in attractors])
+
+
+def distinct(names: Sequence[str]) -> list[str]:
+    """Return names, followed by a letter where several are the same."""
     return [
         f"{name} {_letters(names[:at].count(name))}" if names.count(name) > 1 else name for at, name in enumerate(names)
     ]

@@ -14,6 +14,7 @@ from vibroimpact.model.system import ImpactSystem
 APART = ROUNDING**0.5  # half of the digits: of unit vectors, a smaller product is 0
 
 Design = ImpactOscillator | ImpactSystem  # a model at some values of its parameters
+CONTINUUM = "motions of constant energy, periodic or not, each one of a continuum; none is an attractor"
 
 
 def driven(form: ModalForm) -> bool:
@@ -24,6 +25,15 @@ def driven(form: ModalForm) -> bool:
 def attracts(osc: Design) -> bool:
     """Return whether impacts or damping shrink areas; otherwise nothing is attracted."""
     return not (osc.stops and lasting_stops(osc).all())
+
+
+def why_undecided(osc: Design) -> str:
+    """Return why some initial conditions lead to no attractor that was found."""
+    if not osc.energy_changes:
+        return CONTINUUM
+    if not attracts(osc):
+        return "impacts lose no energy, so that no motion with them attracts others"
+    return "neither a cycle nor certain chaos; raise `sample_impacts`"
 
 
 def lasting_stops(osc: Design) -> NDArray[np.bool_]:

@@ -138,7 +138,9 @@ def check_taken(model: Any, runner: Runner) -> None:
     """Refuse a model without stops, and a model that the back end does not support."""
     check_takes(runner.engine, model)
     if not model.forgets and isinstance(runner.engine, OfOneMass):
-        raise ValueError(f"`backend` {runner.engine.name!r} cannot distinguish the motions of systems; leave it out")
+        instead = ", or write the model as an ImpactOscillator" * (model.coordinates == len(model.stops) == 1)
+        what = f"`backend` {runner.engine.name!r} cannot distinguish the motions of systems"
+        raise ValueError(f"{what}; leave it out{instead}")
     if not model.stops:
         raise ValueError(f"`osc` must have a stop, got {model!s}: without one there is a single motion, the steady one")
 

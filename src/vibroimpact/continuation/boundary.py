@@ -12,11 +12,13 @@ import numpy as np
 from vibroimpact.continuation.equations import DOUBLING, Range
 from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import EDGE, MOST_POINTS, Way, both_ways, check_range, check_share, follow
+from vibroimpact.continuation.modes import images_along
 from vibroimpact.continuation.points import Point
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, course
 from vibroimpact.continuation.sticking import LONGEST_STEP, MOST, Sticking, sticking_curve
 from vibroimpact.dataset import bifurcation_name
 from vibroimpact.model import Model, check_names
+from vibroimpact.motion import listed
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking_end import KIND, StickingEnd
 from vibroimpact.parameters import invalid, truth
@@ -175,6 +177,13 @@ def check_box(model: Model, parameters: Any, ranges: Any, orbit: Orbit | None = 
 def _beginning(point: BifurcationPoint, plane: Plane) -> Point:
     """Return the point of a boundary at a bifurcation on a branch."""
     once, z = equations_of(point.orbit, *plane)
+    if point.kind == "pitchfork" and not once.cycle.images:
+        model, spans = point.orbit.model, zip(plane.names, plane.box, strict=True)
+        breaking = listed([name for name, span in spans if not images_along(model, (name,), (span,))] or [*plane.names])
+        raise NoBoundary(
+            f"a pitchfork is a bifurcation of orbits that are their own mirror image, and {breaking} would break the "
+            "symmetry of the model; vary parameters that act alike on both sides"
+        )
     x = once.pack(z)
     if point.kind == "grazing":
         equations, x = once.at_graze(x)

@@ -26,8 +26,9 @@ from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking_end import StickingEnd
-from vibroimpact.parameters import choice, invalid, several, whole_number
+from vibroimpact.parameters import choice, counted, invalid, several, whole_number
 from vibroimpact.progress import Report, reporter
+from vibroimpact.showing import Table, written
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
@@ -59,6 +60,19 @@ class Boundaries(list[Boundary]):
         self.message = ""
         self.share = math.nan
         self.motions: xr.Dataset | None = None
+
+    def _rows(self) -> list[tuple[str, str]]:
+        """Return each curve in words, and its ranges of the two parameters."""
+        tables = [curve._table() for curve in self]
+        return [(t.title, ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in t.rows)) for t in tables]
+
+    def __repr__(self) -> str:
+        lines = [f"  {title}, {ranges}" for title, ranges in self._rows()]
+        return "\n".join([counted(len(self), "curve"), *lines, *filter(None, [self.message])])
+
+    def _repr_html_(self) -> str:
+        notes = list(filter(None, [self.message]))
+        return written(Table(counted(len(self), "curve"), ("boundary", "ranges") if self else (), self._rows(), notes))
 
 
 def boundary_curves(

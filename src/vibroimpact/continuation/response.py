@@ -17,7 +17,15 @@ from vibroimpact.continuation.branch import continue_orbit
 from vibroimpact.continuation.equations import Range
 from vibroimpact.continuation.following import check_range, check_share
 from vibroimpact.continuation.lines import covered
-from vibroimpact.continuation.results import BifurcationPoint, Branch, axis, kind_variable, responses
+from vibroimpact.continuation.results import (
+    BifurcationPoint,
+    Branch,
+    axis,
+    kind_variable,
+    responses,
+    span_text,
+    value_text,
+)
 from vibroimpact.dataset import dataset_of, flags, plain_variable, provenance
 from vibroimpact.indices import DISPLACEMENTS
 from vibroimpact.model import Model, check_model
@@ -107,7 +115,7 @@ class ResponseCurve(Shown):
     def _table(self) -> Table:
         largest = self.dataset["amplitude"].values
         at = int(np.nanargmax(largest))
-        where = f"{self.parameter} = {self.dataset[self.parameter].values[at]:.6g}"
+        where = value_text(self.model, self.parameter, self.dataset[self.parameter].values[at], 6)
         rows = [(b.orbits[0].name, len(b.orbits), *np.sort(b.values[[0, -1]]).tolist()) for b in self.branches]
         head = ("orbits with contact", "number", "from", "to")
         notes = [f"largest amplitude: {largest[at]:.4g} m at {where}", self.message]
@@ -189,15 +197,17 @@ def response_curve(
     values = _grid(model, parameter, ends, longest)
     free, touching = _without_contact(model, parameter, values)
     with reporter(progress, "orbits") as report:
-        branches = _branches(model, parameter, ends, touching, longest, report)
+        branches, stopped = _branches(model, parameter, ends, touching, longest, report)
+    if stopped and not (free or branches):
+        raise ValueError("stopped by `progress` before a motion was found")
     if not (free or branches):
         raise ValueError(
-            f"no periodic motion was found along {parameter} from {ends[0]:.6g} to {ends[1]:.6g}, neither without "
-            "contact nor with one impact a period; a bifurcation_diagram shows what the system does"
+            f"no periodic motion was found along {span_text(model, parameter, ends)}, neither without contact nor with "
+            "one impact per period; a bifurcation_diagram shows what the system does"
         )
     message = (
         f"{counted(len(free), 'part')} without contact and {counted(len(branches), 'part')} with contact, along "
-        f"{parameter} from {ends[0]:.6g} to {ends[1]:.6g}"
+        f"{span_text(model, parameter, ends)}"
     )
     arguments = {"range": ends, "of": of if isinstance(of, str | int | None) else list(of), "step": longest}
     return ResponseCurve(parameter, of, model, free, branches, message, arguments)
@@ -256,8 +266,11 @@ def _without_contact(model: Model, parameter: str, values: Floats) -> tuple[list
 
 def _branches(
     model: Model, parameter: str, ends: Range, touching: list[Range], longest: float, report: Report
-) -> list[Branch]:
-    """Return the branches of orbits with contact that begin near the ends or in the middle of each interval."""
+) -> tuple[list[Branch], bool]:
+    """Return the branches of orbits with contact that begin near the ends or in the middle of each interval.
+
+    Also return whether `report` stopped the search.
+    """
     branches: list[Branch] = []
     done = 0
 
@@ -267,13 +280,15 @@ def _branches(
     for low, high in touching:
         inside = INSIDE * (high - low)
         for value in (low + inside, high - inside, 0.5 * (low + high)):
+            if count(0) is False:
+                return branches, True
             for orbit in _orbits(model.replace(**{parameter: value})):
                 if any(_on(branch, value, orbit) for branch in branches):
                     continue
                 with suppress(ValueError):
                     branches.append(continue_orbit(orbit, parameter, ends, step=longest, progress=count, virtual=False))
                     done += len(branches[-1].orbits)
-    return branches
+    return branches, False
 
 
 def _orbits(model: Model) -> Iterator[Any]:

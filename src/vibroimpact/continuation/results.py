@@ -295,10 +295,23 @@ def kinds_of(model: Model) -> tuple[str, ...]:
 
 def course(what: str, orbits: Sequence[Any], names: Sequence[str], ends: tuple[str, str]) -> str:
     """Return the two ends of a branch or a curve, and why it ends there, as a sentence."""
-    first, last = (", ".join(f"{name} = {orbits[j].value(name):.12g}" for name in names) for j in (0, -1))
+    first, last = (
+        ", ".join(value_text(orbits[j].model, name, orbits[j].value(name)) for name in names) for j in (0, -1)
+    )
     if "closed" in ends:
         return f"a closed {what} through {last}"
     return f"from {first}, {ENDS[ends[0]]}, to {last}, {ENDS[ends[1]]}"
+
+
+def value_text(model: Model, name: str, value: float, digits: int = 12) -> str:
+    """Return a parameter and its value, with its unit."""
+    return f"{name} = {value:.{digits}g} {parameter_of(model, name).unit}".removesuffix(" 1").rstrip()
+
+
+def span_text(model: Model, name: str, ends: tuple[float, float]) -> str:
+    """Return a parameter and its range, with its unit."""
+    unit = parameter_of(model, name).unit
+    return f"{name} from {ends[0]:.12g} to {ends[1]:.12g} {unit}".removesuffix(" 1").rstrip()
 
 
 def _with_unit(model: Model, name: str) -> str:

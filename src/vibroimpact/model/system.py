@@ -252,7 +252,7 @@ class ImpactSystem(NamedPoints, ByValue):
 
     def cells(self, points: Mapping[str, Any], start: State | None = None) -> SystemCells:
         """Return one cell per point, all with the same initial condition; for None, see `initial`."""
-        return SystemCells.of_points(self, points).begun(start)
+        return SystemCells.of_points(self, points).begun(start, self.stop_names)
 
     @staticmethod
     def cells_of(designs: Iterable[ImpactSystem]) -> SystemCells:

@@ -91,8 +91,7 @@ class SystemCells(Cells):
     def of_points(cls, system: ImpactSystem, points: Mapping[str, Any]) -> SystemCells:
         """Return one cell per point of a system's own parameters, at rest.
 
-        Quantities that depend on the frequency are computed once for each of its values, all together; the numbers of
-        stops are columns.
+        What depends on the frequency is computed once for each of its values, together; numbers of stops are columns.
         """
         number = len(np.atleast_1d(next(iter(points.values()), 0.0)))
         omegas = points.get("omega", radians(points["frequency"]) if "frequency" in points else None)
@@ -106,7 +105,8 @@ class SystemCells(Cells):
 
         def system_of(row: int) -> ImpactSystem:
             gaps = {f"{name}_gap": float(gap) for name, gap in zip(system.stop_names, table[row, :, 0], strict=True)}
-            return system.replace(omega=float(values[which[row]]), **gaps)
+            pace = {"omega": float(values[which[row]])} if system.periodic else {}
+            return system.replace(**pace, **gaps)
 
         return cls._of_forms([(system.modal(), values)], which, table, system_of)
 
@@ -251,8 +251,8 @@ class SystemCells(Cells):
             table[row, self.places["eta"]] += 0.0 if back is None else back
         return SystemCells(table, self.columns, self.shape)
 
-    def begun(self, start: State | None) -> SystemCells:
-        """Return the cells started from an initial condition; None leaves them as they are.
+    def begun(self, start: State | None, names: Sequence[str] = ()) -> SystemCells:
+        """Return the cells started from an initial condition; None leaves them as they are; errors use names of stops.
 
         Raises
         ------
@@ -272,9 +272,9 @@ class SystemCells(Cells):
         over = cells.beyond()
         if over.any():
             cell, stop = np.argwhere(over)[0].tolist()
+            name, depth = repr(names[stop]) if names else f"stop {stop + 1}", over[cell, stop]
             raise ValueError(
-                f"`start` lies beyond stop {stop + 1} by {over[cell, stop]:.3g} m at time {start.time:g}; "
-                "start in front of it"
+                f"`start` lies beyond {name} by {depth:.3g} m at time {start.time:g}; start in front of it"
             )
         return cells
 

@@ -7,12 +7,13 @@ import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from vibroimpact.model import Model, check_names
 from vibroimpact.parameters import Parameter, counted, invalid, to_install
 
 MANY = 16  # values, at most, in a line
+DISPLAY = "display_units"  # the attribute of labelled values that names the unit in which they are written and drawn
 
 # A number, then a unit; what follows the number is no exponent.
 _WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*((?![eE][-+]?\d)[a-zA-Zµμ%°].*)")
@@ -20,6 +21,7 @@ _WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*((?![
 
 _POWER = re.compile(r"(?<=m|s)(?=\d)")  # N/m2 is N/m^2
 _RATE = re.compile(r"^1/(min|s)$")  # of a machine: turns, as rpm and Hz count them
+_ANGLE = re.compile(r"rad|deg|°")  # in a unit of angular frequency; all others count turns
 
 
 def without_unit(parameter: Parameter, value: Any) -> Any:
@@ -147,9 +149,59 @@ def check_units(model: Model, units: Mapping[str, str] | None) -> dict[str, str]
     return chosen
 
 
-def in_unit(values: Any, given: str, wanted: str) -> Any:
-    """Return an array of values of one unit in another."""
-    return values if given == wanted else values * _converted(1.0, given, wanted)
+class InUnit(NamedTuple):
+    """Values in the unit of their parameter, and the unit in which they are written and drawn; "" is the same."""
+
+    values: Any
+    unit: str
+
+
+def in_own_unit(parameter: Parameter, values: Any) -> InUnit:
+    """Return numbers, or a quantity of pint, in the unit of their parameter, with the unit that they had.
+
+    Examples
+    --------
+    >>> import pint
+    >>> in_own_unit(Parameter("gap", "gap", "m"), pint.UnitRegistry().Quantity(500.0, "mm"))
+    InUnit(values=0.5, unit='mm')
+    """
+    if isinstance(values, InUnit):
+        return values
+    if isinstance(values, (list, tuple)) and any(hasattr(each, "magnitude") for each in values):
+        several = [in_own_unit(parameter, each) for each in values]
+        return InUnit([each.values for each in several], several[-1].unit)
+    if not (hasattr(values, "magnitude") and hasattr(values, "units")):
+        return InUnit(values, "")
+    unit = f"{values.units:~}".replace(" ", "") or "1"
+    try:
+        return InUnit(values.magnitude * _converted(1.0, unit, parameter.unit), unit)
+    except _registry()[1]:
+        raise invalid(parameter.name, values, f"a quantity that can be turned into {parameter.unit}") from None
+
+
+def display(attrs: Mapping[str, Any]) -> tuple[float, dict[str, Any]]:
+    """Return the factor from the unit of labelled values to that in which they are shown, and their labels there.
+
+    Examples
+    --------
+    >>> label = {"long_name": "angular driving frequency", "units": "rad/s", "symbol": "w", "display_units": "Hz"}
+    >>> factor, shown = display(label)
+    >>> f"{factor:.6f}", shown
+    ('0.159155', {'long_name': 'driving frequency', 'units': 'Hz', 'symbol': 'w/2pi'})
+    """
+    labels = {key: value for key, value in attrs.items() if key != DISPLAY}
+    given = str(attrs.get("units", "1"))
+    unit = str(attrs.get(DISPLAY, given))
+    if unit == given:
+        return 1.0, labels
+    try:
+        factor = _converted(1.0, given, unit)
+    except _registry_faults():
+        return 1.0, labels
+    if given == "rad/s" and not _ANGLE.search(unit):
+        labels["long_name"] = str(labels.get("long_name", "")).removeprefix("angular ")
+        labels["symbol"] = f"{symbol}/2pi" if (symbol := labels.get("symbol")) else ""
+    return factor, labels | {"units": unit}
 
 
 def _converted(number: float, given: str, wanted: str) -> float:
@@ -175,6 +227,14 @@ def _registry() -> tuple[Any, tuple[type[Exception], ...]]:
     units: Any = pint.UnitRegistry()
     units.define("hertz = turn / second = Hz")  # for pint 10 Hz are 10 rad/s
     return units, (pint.PintError, AttributeError, AssertionError, TypeError, ValueError)
+
+
+def _registry_faults() -> tuple[type[Exception], ...]:
+    """Return what a conversion raises, also without pint."""
+    try:
+        return _registry()[1]
+    except ValueError:
+        return (ValueError,)
 
 
 def few_values(model: Model) -> tuple[dict[str, float], list[str]]:

@@ -142,6 +142,8 @@ def _by_states(section: xr.Dataset, system: ImpactSystem, **limits: Any) -> _Evi
 def system_cycle(section: xr.Dataset, period: float, **limits: Any) -> tuple[int, int]:
     """Return the driving periods and impacts after which the impacts of a system repeat, stop by stop, or 0 and 0."""
     speed, phase, time, stop = (section[name].values for name in ("velocity", "phase", "time", "stop"))
+    if np.isnan(phase).any():  # the model has no driving period
+        return 0, 0
     p = cycle_length(speed, phase, np.unique(stop, return_inverse=True)[1].astype(float), **limits)
     n = _whole_periods(time, p, period) if p else 0
     return (n, p) if n else (0, 0)

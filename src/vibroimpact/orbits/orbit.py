@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from vibroimpact.model import Model, State, check_names
 from vibroimpact.model.system import ImpactSystem
+from vibroimpact.model.units import in_own_unit
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING, objection
 from vibroimpact.orbits.distance import Impacts, points_of
@@ -266,6 +267,7 @@ def check_pair(table: Mapping[str, Parameter], parameter: str, name: str, pair: 
         first, second = pair
     except (TypeError, ValueError):
         raise invalid(name, pair, f"two values of {parameter}") from None
+    first, second = in_own_unit(table[parameter], [first, second]).values
     return table[parameter].check(first), table[parameter].check(second)
 
 

@@ -16,6 +16,9 @@ from vibroimpact.orbits.results import IMPACTS, Guess, Orbits, numbers_of, order
 from vibroimpact.parameters import invalid, truth, whole_number
 from vibroimpact.progress import reporter
 
+WITHOUT_PERIOD = "the load has no frequency, and so there is no driving period and no period-n orbit; see simulate"
+AT_AN_ENERGY = ", or give `energy`: without loss and load, motions that repeat have periods of their own"
+
 
 def find_orbit(
     osc: Model,
@@ -72,7 +75,8 @@ def find_orbit(
         one impact, or with `near`, it includes inadmissible orbits (they penetrate the stop); their `message` gives the
         reason, and they are never `stable`. Otherwise it holds only admissible ones. Without `stops`, `message` joins
         the reasons of all stops for which no orbit was found. With `near` alone, it holds one admissible orbit or none,
-        and `message` says whether the motion settles to it, or only passes by (`outcome` "not_periodic").
+        and `message` says whether the motion settles to it, or only passes by (`outcome` "not_periodic"). It is empty
+        for a model without a driving period unless `energy` is given.
 
     Raises
     ------
@@ -176,6 +180,8 @@ def find_orbit(
             "mode", mode, "omitted without `energy`", "it is the mode from which orbits of an energy are born"
         )
     guess = Guess.of(state_of(near, design))
+    if not design.periodic:
+        return Orbits(outcome="none", message=WITHOUT_PERIOD + ("" if design.energy_changes else AT_AN_ENERGY))
     if guess.only_state:
         design.initial(guess.state, "near")  # refused if it does not fit, or lies beyond a stop
     typed = truth("symmetric", symmetric) or any(given is not None for given in (n_periods, n_impacts, stops))

@@ -359,9 +359,12 @@ def _check_plane(sweep: Any, plane: list[str]) -> None:
 
 def _order(ax: Axes, curve: xr.Dataset, plane: list[str]) -> tuple[str, str]:
     """Return the parameters on the x and the y axis: as the axes are labelled, else in the plane's order."""
-    shown = tuple(text.replace("\n", " ").partition(" [")[0] for text in (ax.get_xlabel(), ax.get_ylabel()))
+    shown = tuple(
+        labels.SHOWN.get(axis, axis.get_label_text().replace("\n", " ").partition(" [")[0])
+        for axis in (ax.xaxis, ax.yaxis)
+    )
     for x, y in (plane, plane[::-1]):
-        if shown in (("", ""), tuple(labels.label(curve[name]).partition(" [")[0] for name in (x, y))):
+        if shown in (("", ""), tuple(labels.name_of(curve[name]) for name in (x, y))):
             return x, y
     raise ValueError(
         f"`ax` must be new or show {' and '.join(plane)}, as `curves` do, got axes of {shown[0]} and {shown[1]}"

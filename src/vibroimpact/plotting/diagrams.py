@@ -199,7 +199,8 @@ def bifurcation_diagram(diagram: xr.Dataset, quantity: str | None = None, ax: Ax
     'impact velocity $I$ [m/s]'
     """
     axis, samples = check_diagram(diagram)
-    offered = [name for name in ("displacement", "velocity", "phase") if name in diagram]
+    names = [name for name in ("displacement", "velocity", "phase") if name in diagram]
+    offered = [name for name in names if "no_value" not in diagram[name].attrs]
     chosen = offered[0] if quantity is None else choice("quantity", quantity, offered)
     ax = style.new_axes(ax, (8.0, 4.4), labels.title(diagram))
     heights = draw_samples(ax, diagram, axis, samples, chosen)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import xarray as xr
@@ -13,11 +14,13 @@ from matplotlib.axis import Axis
 
 from vibroimpact.dataset import VARIABLES, model_of
 from vibroimpact.model import Model
+from vibroimpact.model.units import DISPLAY, display
 from vibroimpact.parameters import counted
 from vibroimpact.plotting.ticks import power_of, quantity, scale_axis, unit_label
 
 MOST = 8  # most parameter values in a title
 PER_INCH = 11.5  # most letters in a line of an axis label
+SHOWN: WeakKeyDictionary[Axis, str] = WeakKeyDictionary()  # what the axes labelled here show
 
 _MATH = {
     "w": r"\omega",
@@ -46,10 +49,10 @@ def math(symbol: str) -> str:
 
 
 def described(data: xr.DataArray) -> tuple[str, str, str]:
-    """Return long name, unit and symbol of a labelled array, completed from the package's table."""
-    usual = VARIABLES.get(str(data.name), (str(data.name), "", ""))
+    """Return long name, unit and symbol of a labelled array as shown, completed from the package's table."""
+    usual, attrs = VARIABLES.get(str(data.name), (str(data.name), "", "")), display(data.attrs)[1]
     long_name, units, symbol = (
-        str(data.attrs.get(key, other)) for key, other in zip(("long_name", "units", "symbol"), usual, strict=True)
+        str(attrs.get(key, other)) for key, other in zip(("long_name", "units", "symbol"), usual, strict=True)
     )
     return long_name, units, symbol
 
@@ -98,10 +101,17 @@ def label_axis(axis: Axis, data: xr.DataArray, values: Any = None) -> None:
     if values is None:
         unset = axes.get_autoscalex_on() if along_x else axes.get_autoscaley_on()
         values = data.values if unset else axis.get_view_interval()
-    power = power_of(values)
-    scale_axis(axis, data, power)
+    factor = display(data.attrs)[0]
+    power = power_of(np.asarray(values) * factor)
+    scale_axis(axis, data, power, factor)
+    SHOWN[axis] = name_of(data)
     width, height = axes.get_figure(root=True).get_size_inches() * axes.get_position().size
     axis.set_label_text(wrapped(label(data, power), PER_INCH * (width if along_x else height)))
+
+
+def name_of(data: xr.DataArray) -> str:
+    """Return the label of an axis without its unit, whichever unit is shown."""
+    return label(data.assign_attrs({DISPLAY: data.attrs.get("units", "1")})).partition(" [")[0]
 
 
 def label_axes(ax: Axes, x: xr.DataArray, y: xr.DataArray) -> None:

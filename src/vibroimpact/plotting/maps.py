@@ -15,15 +15,15 @@ from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
+from vibroimpact.model.units import display
 from vibroimpact.parameters import counted, invalid, real_number, unknown
 from vibroimpact.plotting import diagrams, labels, style
 from vibroimpact.plotting.categories import COUNTS, missing_layers, number_layers
 from vibroimpact.plotting.cells import COLORS, ROOT, add_bar, colour_scale, draw_cells, grid_of, root_shades, swatch
 from vibroimpact.plotting.style import BLUE, DOTS, INK, RED, WALL, Floats, on_axes
-from vibroimpact.plotting.ticks import Scaled, power_of, quantity, unit_label
+from vibroimpact.plotting.ticks import Round, Scaled, power_of, quantity, unit_label
 
 LEVEL_OF_V = 0.05  # default boundary of Std, relative to the velocity scale V
 
@@ -116,7 +116,7 @@ def _draw_references(ax: Axes, field: xr.DataArray, values: Mapping[str, float])
             value, color=RED, linewidth=1.4, linestyle=(0, (6, 3)), path_effects=halo, zorder=5
         )
         _, units, symbol = labels.described(field[name])
-        text = labels.value_text(symbol or name, value, units)
+        text = labels.value_text(symbol or name, value * display(field[name].attrs)[0], units)
         if along_x:
             low, high = ax.get_ylim()
             below = value > low + 0.93 * (high - low)  # above the line it would overlap the title
@@ -235,9 +235,10 @@ def index_surface(sweep: xr.Dataset, index: str = "std", ax: Axes | None = None)
     entries = _draw_surface(solid, sweep, field, surface)
     shown = *(sweep[dim] for dim in field.dims), field
     for axis, data in zip((solid.xaxis, solid.yaxis, solid.zaxis), shown, strict=True):
-        power = power_of(axis.get_view_interval())
-        axis.set_major_formatter(Scaled(power))
-        axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+        factor = display(data.attrs)[0]
+        power = power_of(axis.get_view_interval() * factor)
+        axis.set_major_formatter(Scaled(power, factor))
+        axis.set_major_locator(Round(5, factor=factor))
         short = labels.symbol_of(data) + unit_label(labels.described(data)[1], power)
         text = labels.wrapped(short, 22) if data is field else labels.wrapped(labels.label(data, power), 40)
         axis.set_label_text(text)

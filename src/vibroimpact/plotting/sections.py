@@ -170,6 +170,9 @@ def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     >>> vi.plotting.impact_map(section).get_legend().get_texts()[0].get_text()
     '1 point in 50 impacts'
     """
+    if isinstance(section, xr.Dataset) and "phase" in section and "no_value" in section["phase"].attrs:
+        reason = section["phase"].attrs["no_value"]
+        raise ValueError(f"`section` has no phases to draw: {reason}; draw its motion from `simulate` over time")
     ax, points = _section(section, ax, "impact_section", "phase", "impact")
     ax.set_xlim(0.0, 1.0)
     if not len(points):

@@ -71,32 +71,82 @@ def unit_label(units: str, power: int) -> str:
     return "" if unit in ("", "1") else f" [{unit}]"
 
 
-class Scaled(ScalarFormatter):
-    """Formatter of numbers in units of a power of ten, which the axis label includes; no separate factor or offset."""
+class _Shown:
+    """An axis in the unit in which it is shown: its data times a factor."""
 
-    def __init__(self, power: int) -> None:
+    def __init__(self, axis: Any, factor: float) -> None:
+        self._axis, self._factor = axis, factor
+
+    def get_view_interval(self) -> Any:
+        """Return the limits of the axis in the unit shown."""
+        return np.asarray(self._axis.get_view_interval()) * self._factor
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._axis, name)
+
+
+class Scaled(ScalarFormatter):
+    """Formatter of numbers in units of a power of ten, which the axis label includes; no separate factor or offset.
+
+    Data are multiplied by `factor` first, which turns them into the unit shown.
+    """
+
+    def __init__(self, power: int, factor: float = 1.0) -> None:
         super().__init__(useOffset=False)
+        self.factor = factor
         if power:
             self.set_powerlimits((power, power))
         else:
             self.set_scientific(False)
+
+    def set_axis(self, axis: Any) -> None:
+        """Take the limits of the axis in the unit shown."""
+        shown: Any = axis if self.factor == 1.0 else _Shown(axis, self.factor)
+        super().set_axis(shown)
+
+    def set_locs(self, locs: Any) -> None:
+        """Take the ticks in the unit shown."""
+        super().set_locs((np.asarray(locs) * self.factor).tolist())
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """Return the label of a tick."""
+        return super().__call__(x * self.factor, pos)
+
+    def format_data_short(self, value: Any) -> str:
+        """Return the value under the cursor, in the unit shown."""
+        return super().format_data_short(value * self.factor)
 
     def get_offset(self) -> str:
         """Return an empty string: the axis label includes the power."""
         return ""
 
 
-class Fitting(MaxNLocator):
-    """Locator of ticks at round numbers, as many as fit without overlapping labels."""
+class Round(MaxNLocator):
+    """Locator of ticks at round numbers of the unit shown, which is `factor` times that of the data."""
 
-    def __init__(self, whole: bool = False) -> None:
-        super().__init__(nbins="auto", steps=[1, 2, 2.5, 5, 10], integer=whole)
-        self._whole = whole
+    def __init__(self, most: Any, whole: bool = False, factor: float = 1.0) -> None:
+        super().__init__(most, steps=[1, 2, 2.5, 5, 10], integer=whole)
+        self._whole, self._factor = whole, factor
 
     def __call__(self) -> Sequence[float]:
         """Return the positions of the ticks."""
-        low, high = sorted(self.axis.get_view_interval())  # type: ignore[union-attr]
-        ticks = super().__call__()
+        low, high = sorted(np.asarray(self.axis.get_view_interval()) * self._factor)  # type: ignore[union-attr]
+        return np.asarray(self.shown(low, high)) / self._factor  # type: ignore[return-value]
+
+    def shown(self, low: float, high: float) -> Any:
+        """Return the ticks between two limits, all in the unit shown."""
+        return self.tick_values(low, high)
+
+
+class Fitting(Round):
+    """Locator of ticks at round numbers, as many as fit without overlapping labels."""
+
+    def __init__(self, whole: bool = False, factor: float = 1.0) -> None:
+        super().__init__("auto", whole, factor)
+
+    def shown(self, low: float, high: float) -> Any:
+        """Return the ticks between two limits, all in the unit shown."""
+        ticks = super().shown(low, high)
         for most in range(len(ticks) - 1, 0, -1):
             if self._fits(np.asarray(ticks), low, high):
                 break
@@ -111,13 +161,13 @@ class Fitting(MaxNLocator):
             return True
         size = axis.majorTicks[0].label1.get_size() if axis.majorTicks else 10.0
         sides = axis.axes.bbox.size * 72.0 / axis.get_figure(root=True).dpi
-        letters = max(len(text) for text in axis.major.formatter.format_ticks(shown))
+        letters = max(len(text) for text in axis.major.formatter.format_ticks(shown / self._factor))
         needed, length = ((WIDE * letters + 1.0), sides[0]) if axis.axis_name == "x" else (HIGH, sides[1])
         return bool(needed * size <= length * np.diff(shown).min() / (high - low))
 
 
-def scale_axis(axis: Axis, data: xr.DataArray, power: int) -> None:
+def scale_axis(axis: Axis, data: xr.DataArray, power: int, factor: float = 1.0) -> None:
     """Set ticks in units of a power of ten, at whole numbers for counts; a logarithmic axis keeps its own ticks."""
     if axis.get_scale() == "linear":
-        axis.set_major_formatter(Scaled(power))
-        axis.set_major_locator(Fitting(data.dtype.kind in "iu"))
+        axis.set_major_formatter(Scaled(power, factor))
+        axis.set_major_locator(Fitting(data.dtype.kind in "iu", factor))

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.coexistence.attractor import distinct_names
-from vibroimpact.dataset import bifurcation_name, model_of, unbundle
+from vibroimpact.coexistence.attractor import distinct, distinct_names
+from vibroimpact.coexistence.losses import why_undecided
+from vibroimpact.dataset import bifurcation_name, displayed, model_of, unbundle
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
 from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along, motion_name
 from vibroimpact.motion.recognition import recognise, recurrence
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from vibroimpact.coexistence import Attractor
+    from vibroimpact.model import Model
 
 __all__ = ["attractor_sentences", "motion_of", "quantity", "sentences_of"]
 
@@ -173,7 +175,7 @@ def _orbit_type(part: xr.Dataset) -> str:
 
 
 def _branches(dataset: xr.Dataset) -> Iterator[str]:
-    branches = unbundle(dataset)
+    branches = unbundle(displayed(dataset))
     for at, branch in enumerate(branches, start=1):
         (parameter,) = _varied(branch)
         head = f"branch {at} of {len(branches)}, " if len(branches) > 1 else ""
@@ -215,7 +217,7 @@ def _meanings(codes: xr.DataArray) -> list[str]:
 
 
 def _boundaries(dataset: xr.Dataset) -> Iterator[str]:
-    curves = unbundle(dataset)
+    curves = unbundle(displayed(dataset))
     yield f"{counted(len(curves), 'curve')} in the plane of {listed(_varied(curves[0]))}"
     for curve in curves:
         ranges = ", ".join(axis_range(curve, name) for name in _varied(curve))
@@ -238,6 +240,7 @@ def _bounded_motion(curve: xr.Dataset, grazes: bool) -> str:
 
 
 def _response(dataset: xr.Dataset) -> Iterator[str]:
+    dataset = displayed(dataset)
     (name,) = _varied(dataset)
     units = dataset[name].attrs["units"]
     yield str(dataset.attrs["message"])
@@ -262,36 +265,42 @@ def _basins(dataset: xr.Dataset) -> Iterator[str]:
     axes = [str(dim) for dim in field.dims]
     shape = " x ".join(str(dataset.sizes[axis]) for axis in axes)
     yield f"{shape} initial conditions: " + "; ".join(axis_range(dataset, axis) for axis in axes)
-    yield from _each_attractor(dataset, [spaced(name) for name in _meanings(field)[1:]])
+    yield from (_attractor(*row) for row in _rows(dataset, [spaced(name) for name in _meanings(field)[1:]]))
     undecided = field.values < 0
     for code, count in zip(*np.unique(dataset["status"].values[undecided], return_counts=True), strict=True):
         status = Status(int(code))
         unfinished = status in (Status.BUDGET, Status.INTERRUPTED)
-        reason = status.sentence if unfinished else "neither a cycle nor certain chaos; raise `sample_impacts`"
+        reason = status.sentence if unfinished else why_undecided(model_of(dataset))
         yield f"  {100 * count / field.size:.3g} % undecided: {reason}"
 
 
 def _attractors(dataset: xr.Dataset) -> Iterator[str]:
-    count = dataset.sizes["attractor_id"]
-    yield f"{counted(count, 'attractor')}, with shares of the initial conditions:"
     columns = (dataset[name].values.tolist() for name in ("kind", "n_periods", "n_impacts"))
-    yield from _each_attractor(dataset, [motion_name(*row) for row in zip(*columns, strict=True)])
+    names = distinct([motion_name(*row) for row in zip(*columns, strict=True)])
+    yield from _of_attractors(_rows(dataset, names), model_of(dataset))
 
 
-def _each_attractor(dataset: xr.Dataset, names: list[str]) -> Iterator[str]:
-    for name, at in zip(names, range(dataset.sizes["attractor_id"]), strict=True):
-        one = dataset.isel(attractor_id=at)
-        yield _attractor(name, *(float(one[key]) for key in ("share", "max_velocity", "lyapunov")))
-
-
-def attractor_sentences(attractors: Sequence[Attractor]) -> Iterator[str]:
+def attractor_sentences(attractors: Sequence[Attractor], model: Model) -> Iterator[str]:
     """Yield the content of a list of attractors: one per line, with the share of the initial conditions."""
-    yield f"{counted(len(attractors), 'attractor')} found; shares of the initial conditions:"
-    for one, name in zip(attractors, distinct_names(attractors), strict=True):
-        yield _attractor(name, one.share, one.max_velocity, one.lyapunov)
-    undecided = 1.0 - sum(one.share for one in attractors)
+    names = distinct_names(attractors)
+    rows = [(name, one.share, one.max_velocity, one.lyapunov) for name, one in zip(names, attractors, strict=True)]
+    yield from _of_attractors(rows, model.at())
+
+
+Row = tuple[str, float, float, float]  # of an attractor: name, share, hardest hit, exponent
+
+
+def _rows(dataset: xr.Dataset, names: list[str]) -> list[Row]:
+    columns = (dataset[key].values.tolist() for key in ("share", "max_velocity", "lyapunov"))
+    return list(zip(names, *columns, strict=True))
+
+
+def _of_attractors(rows: list[Row], design: Any) -> Iterator[str]:
+    yield f"{counted(len(rows), 'attractor')} found; shares of the initial conditions:"
+    yield from (_attractor(*row) for row in rows)
+    undecided = 1.0 - sum(share for _, share, _, _ in rows)
     if undecided > 1e-9:
-        yield f"  {100 * undecided:.3g} % undecided: neither a cycle nor certain chaos; raise `sample_impacts`"
+        yield f"  {100 * undecided:.3g} % undecided: {why_undecided(design)}"
 
 
 def _attractor(name: str, share: float, hardest: float, exponent: float) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,6 +24,11 @@ def span(values: xr.DataArray) -> str:
 def quantity(value: float, units: str, digits: int = 12) -> str:
     """Return a value with its unit."""
     return f"{value:.{digits}g}" + ("" if units == "1" else f" {units}")
+
+
+def place_of(dataset: Any, name: str, digits: int = 4) -> str:
+    """Return an axis and its value where one is selected."""
+    return f"{name} = {quantity(float(dataset[name]), dataset[name].attrs.get('units', '1'), digits)}"
 
 
 def spaced(word: str) -> str:

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.dataset import model_of
+from vibroimpact.dataset import displayed, model_of
 from vibroimpact.indices import EVERY, ROUNDING, VELOCITY_INDICES, spread_scale
 from vibroimpact.motion import MotionClass, decide, listed, may_wind, motion_name, refined
 from vibroimpact.motion.classes import NEEDED, classify
 from vibroimpact.motion.recognition import cycle_length, recurrence
 from vibroimpact.parameters import counted
-from vibroimpact.report.quantities import axis_range, initial_condition, quantity, spaced, span
+from vibroimpact.report.quantities import axis_range, initial_condition, place_of, quantity, spaced, span
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ CHATTER = 1e-6  # of the hardest impact: softer ones only show where a chatter w
 
 def map_sentences(dataset: xr.Dataset) -> Iterator[str]:
     """Yield the content of a map, or of its `classify` result: ranges of indices, motions, and how they ended."""
-    several = dataset.sizes.get("start", 1)
+    dataset, several = displayed(dataset), dataset.sizes.get("start", 1)
     dims = [str(dim) for dim in dataset["status"].dims if dim != "start"]
     axes = [str(name) for dim in dims for name, axis in dataset.coords.items() if axis.dims == (dim,)]
     shape = " x ".join(str(dataset.sizes[dim]) for dim in dims)
@@ -89,7 +89,7 @@ def _index(field: xr.DataArray, axes: list[str], scale: float) -> str:
     if not np.isfinite(field).any():
         return f"{head}: no cell has a finite value"
     peak = field.isel({str(dim): int(at) for dim, at in values.argmax(...).items()})
-    place = ", ".join(f"{axis} = {float(peak[axis]):.4g}" for axis in axes)
+    place = ", ".join(place_of(peak, axis) for axis in axes)
     unstruck = ""
     if "stop" in field.dims:
         place += f", on {peak['stop'].item()}"
@@ -125,21 +125,22 @@ def _motions(classes: xr.Dataset) -> Iterator[str]:
 def diagram_sentences(dataset: xr.Dataset) -> Iterator[str]:
     """Yield the content of a diagram: ranges of its samples, and the motions along its axis."""
     axis = str(dataset["status"].dims[0])
-    values = dataset[axis].values
+    shown = displayed(dataset)
+    values, unit = shown[axis].values, quantity(0.0, shown[axis].attrs["units"]).removeprefix("0")
     direction = json.loads(dataset.attrs.get("arguments", "{}")).get("direction", "fresh")
     start = initial_condition(dataset, ", each from ")
     if direction != "fresh":
         start = initial_condition(dataset, f", going {direction} from ", ", then each next one from the last state")
-    yield f"{counted(len(values), 'value')} of {axis_range(dataset, axis)}{start}"
+    yield f"{counted(len(values), 'value')} of {axis_range(shown, axis)}{start}"
     for name in ("displacement", "velocity"):
         if name in dataset and np.isfinite(dataset[name]).any():
-            yield from _sample_range(dataset[name], axis)
+            yield from _sample_range(shown[name], axis)
     labels = [_motion_at(dataset.isel({axis: i}), axis) for i in range(len(values))]
     runs = [(label, [i for i, _ in group]) for label, group in groupby(enumerate(labels), lambda pair: pair[1])]
     longest = sorted(sorted(runs, key=lambda run: -len(run[1]))[:INTERVALS], key=lambda run: run[1][0])
     for label, places in longest:
         ends = f"{values[places[0]]:.4g}" + (f" to {values[places[-1]]:.4g}" if len(places) > 1 else "")
-        yield f"  {axis} {ends}: {label}"
+        yield f"  {axis} {ends}{unit}: {label}"
     if len(runs) > len(longest):
         yield f"  and {counted(len(runs) - len(longest), 'shorter interval')}"
 
@@ -172,11 +173,19 @@ def _motion_at(row: xr.Dataset, axis: str) -> str:
             return f"period-{n}"
     elif status == Status.STICKING:
         return "comes to rest at the stop"
-    elif p := cycle_length(samples["velocity"], samples["phase"]):
+    elif p := _impacts_in_cycle(row, samples):
         return f"{counted(p, 'impact')} per cycle"
     elif status == Status.SHORT_WINDOW:
         return "sample too short to classify"
     return "does not repeat"
+
+
+def _impacts_in_cycle(row: xr.Dataset, samples: Mapping[str, NDArray[np.float64]]) -> int:
+    """Return the number of impacts after which the samples repeat; without a driving period, from speeds and stops."""
+    if model_of(row).periodic:
+        return cycle_length(samples["velocity"], samples["phase"])
+    stops = row["stop"].values[: len(samples["velocity"])].astype(float) if "stop" in row else samples["velocity"]
+    return recurrence(samples["velocity"], stops)
 
 
 def _growth(row: xr.Dataset, axis: str, samples: Mapping[str, NDArray[np.float64]]) -> float:

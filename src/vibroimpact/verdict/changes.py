@@ -8,6 +8,9 @@ from itertools import zip_longest
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from vibroimpact.coexistence.losses import attracts
 from vibroimpact.model import Model
 from vibroimpact.model.units import few_values, quantity, shown_as, shown_value
 from vibroimpact.orbits.orbit import value_of
@@ -29,11 +32,21 @@ OWN_UNITS: Mapping[str, str] = MappingProxyType({})  # of the parameters themsel
 MANY_GAPS = 10.0  # a change so many times the gap is given relative to f/k alone
 
 
+def _free(verdict: Verdict) -> bool:
+    """Return whether a motion from rest without impacts, or without loss at them, is one of free vibration."""
+    design = verdict.oscillator
+    loaded = any(np.any(load) for load in design.system.force.vectors.values()) if design.forgets else True
+    return not (loaded or design.damping) and (verdict.kind == "no_impact" or not attracts(design))
+
+
 def boundary_facts(verdict: Verdict) -> Iterator[str | Table]:
     """Yield the values below and above each parameter at which the motion ends, and for which initial conditions."""
     edges, carried = verdict.boundaries, verdict.oscillator.forgets
     if edges and verdict.orbit is None and not carried:
         yield "not sought: only those of periodic motions with impacts that never rest at a stop are followed"
+        return
+    if edges and _free(verdict):
+        yield "not sought: without load and damping, energies are kept between impacts, and no motion attracts others"
         return
     if edges:
         ends = zip(edges[::2], edges[1::2], strict=True)

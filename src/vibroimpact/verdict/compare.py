@@ -122,7 +122,7 @@ class Comparison:
             for parameter, values in self._parameters()
         }
         for name, index in INDICES.items():
-            values = np.array([verdict.indices[name] for verdict in self.verdicts])
+            values = np.array([verdict.value(name) for verdict in self.verdicts])
             content[name] = variable(name, "design", values.astype(index.dtype))
         power, motion = zip(*((verdict.power, verdict.motion.name) for verdict in self.verdicts), strict=True)
         content["power"] = plain_variable("design", list(power), {"long_name": "mean power lost", "units": "W"})
@@ -196,7 +196,7 @@ def _number(value: float) -> str:
 
 
 def _index(verdict: Verdict, name: str) -> str:
-    return _number(shown_spread(verdict.indices[name], spread_scale(name, verdict.max_velocity)))
+    return _number(shown_spread(verdict.value(name), spread_scale(name, verdict.max_velocity)))
 
 
 def _worst(verdict: Verdict) -> str:

@@ -8,7 +8,9 @@ from dataclasses import asdict, dataclass, field
 from itertools import count
 from typing import Any
 
+from vibroimpact.backends import without_value
 from vibroimpact.coexistence.measuring import EQUAL, Runner, SpentError
+from vibroimpact.indices import EVERY
 from vibroimpact.model import Model, check_model
 from vibroimpact.model.units import check_units
 from vibroimpact.motion import Motion
@@ -128,6 +130,10 @@ class Verdict(Shown):
         facts = [(title, lines) for title, lines in verdict_facts(self) if lines]
         return Table(f"from rest {self.motion.name}", ("", ""), facts)
 
+    def value(self, index: str) -> float:
+        """Return an index of the motion; NaN, or 0 for counts, if the model has no value of it."""
+        return float(EVERY[index].fill) if without_value(index, self.oscillator) else self.indices[index]
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain dictionaries, lists, numbers and text, ready for JSON: NaN as None, infinity as "-inf"."""
         content = {
@@ -138,7 +144,7 @@ class Verdict(Shown):
             "multipliers": [[z.real, z.imag] for z in self.orbit.multipliers] if self.orbit else None,
             "stops": self.stops,
             "status": self.status,
-            "indices": self.indices,
+            "indices": {name: self.value(name) for name in self.indices},
             "watched": self.watched,
             "transient": self.transient,
             "releases": self.releases,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact import report
-from vibroimpact.coexistence.losses import lasting_stops
+from vibroimpact.coexistence.losses import CONTINUUM, attracts, lasting_stops
 from vibroimpact.coexistence.measuring import EQUAL, PAPER, SPREAD
 from vibroimpact.motion import MotionClass, listed
 from vibroimpact.showing import Table, aligned, wrapped
@@ -33,7 +33,6 @@ CHANGES = 3  # advised, listed at most
 MOTIONS = 12  # coexisting, listed at most
 HARDER = 1.02  # times the hits of a motion: transients that hit so hard are mentioned
 FIRST = PAPER.transient + PAPER.keep  # impacts that a map computes of a motion
-CONTINUUM = "motions of constant energy, periodic or not, each one of a continuum; none is an attractor"
 INDENT, CELL = "  ", 30  # of a table, and its widest cells
 
 Fact = str | Table
@@ -181,6 +180,9 @@ def _energy(verdict: Verdict) -> Iterator[str]:
     about, digits = ("", 4) if verdict.motion.n_periods or not lost else ("about ", 2)
     if math.isfinite(lost):
         stop = "stops" if len(verdict.oscillator.stops) > 1 else "stop"
+        if not verdict.oscillator.periodic:
+            yield f"{about}{verdict.power:.{digits}g} W lost at the {stop} on average"
+            return
         yield f"{about}{lost:.{digits}g} J lost at the {stop} per period, {verdict.power:.{digits}g} W on average"
 
 
@@ -195,8 +197,8 @@ def _stability(verdict: Verdict) -> Iterator[str]:
     design, orbit, period = verdict.oscillator, verdict.orbit, verdict.oscillator.period
     solved = orbit is not None and verdict.kind == "periodic"
     exponent = orbit.lyapunov if solved else verdict.indices["lyapunov"]
-    if math.isnan(exponent):
-        return
+    if math.isnan(exponent) or (verdict.kind == "undecided" and not (design.periodic or attracts(design))):
+        return  # without loss and load, perturbations grow in proportion to time
     if math.isinf(exponent) and solved:
         yield "all multipliers are 0: perturbations vanish within a cycle"
     elif math.isinf(exponent) and verdict.releases and not verdict.motion.n_periods:
@@ -208,11 +210,11 @@ def _stability(verdict: Verdict) -> Iterator[str]:
         rest = "a rest at the stop" if is_one_mass(design) else "a rest of all coordinates at once"
         yield f"{rest} erases all memory: perturbations vanish (exponent -inf)"
     elif verdict.kind == "chaotic":
-        ahead = -math.log(PRECISION) / exponent / period
+        ahead = -math.log(PRECISION) / exponent
+        span = f"{number(ahead / period, 2)} periods" if design.periodic else f"{number(ahead, 2)} s"
         yield (
             f"perturbations double about every {number(math.log(2.0) / exponent, 2)} s (exponent about "
-            f"{exponent:.2g} 1/s): a state known to {PRECISION:g} of its size is predictable for about "
-            f"{number(ahead, 2)} periods"
+            f"{exponent:.2g} 1/s): a state known to {PRECISION:g} of its size is predictable for about {span}"
         )
     elif exponent < 0.0 and (solved or (verdict.kind == "periodic" and design.forgets)):
         half = -math.log(2.0) / exponent
