@@ -38,6 +38,7 @@ VARIABLES: dict[str, tuple[str, str, str]] = {
     "impact_velocity": ("impact velocity", "m/s", "I"),
     "stick_time": ("time at which the mass comes to rest at the stop", "s", "t"),
     "release_time": ("time at which the mass leaves the stop", "s", "t"),
+    "stick_impulse": ("impulse that the stop takes in the rest", "N s", "P"),
     "count": ("number of samples kept", "1", "N"),
     "clearance": ("clearance to the stop", "m", "u"),
     "force": ("force of the stop", "N", "F"),

@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.cells import BEYOND
+from vibroimpact.backends.base import energy_loss
+from vibroimpact.backends.effects import Rests, forces_at
+from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, impact_speed, plain_variable, status_variable, variable
+from vibroimpact.model.balance import clearances
 from vibroimpact.model.elements import REPORTS, Element
 
 if TYPE_CHECKING:
@@ -38,10 +41,9 @@ def trajectory_of(samples: Any, model: Any) -> dict[str, xr.Variable]:
     }
     if _is_plain(samples):
         return motion | impacts | _rests(model, samples)
-    clearances = _clearances(model, samples)
+    u = clearances(model, samples.look_displacement, 2.0 * np.pi * samples.look_phase)
     stops = {
-        "clearance": variable("clearance", ("time", "stop"), clearances),
-        **_forces(model, samples, clearances),
+        "clearance": variable("clearance", ("time", "stop"), u),
         "stop": plain_variable("stop", np.array(model.stop_names, str), {"long_name": "stop"}),
     }
     contacts = {
@@ -51,8 +53,34 @@ def trajectory_of(samples: Any, model: Any) -> dict[str, xr.Variable]:
     return motion | stops | impacts | contacts | _rests(model, samples)
 
 
-def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str]) -> xr.Dataset:
-    """Return the impacts in a window, as `impact_section` does: their times, phases, stops and velocities."""
+def taken_by_stops(samples: Any, model: Any, impulses: Floats) -> dict[str, xr.Variable]:
+    """Return what stops take: forces over time, and the impulse of each rest, which is given.
+
+    The force of a rigid stop is that of a rest, and zero otherwise: an impact on it has an impulse but no force.
+    """
+    system, turns = getattr(model, "system", model), samples.look_periods + samples.look_phase
+    shape, rests = (len(turns), system.coordinates), Rests(samples, math.inf)
+    q, v = samples.look_displacement.reshape(shape), samples.look_velocity.reshape(shape)
+    forces = forces_at(system, rests, turns, q, v)
+    taken = {"stick_impulse": variable("stick_impulse", "stick", impulses)}
+    if _is_plain(samples):
+        speeds = samples.impact_velocity
+        return taken | {"force": variable("force", "time", forces[:, 0])} | impulses_of(model, speeds)
+    return taken | {"force": variable("force", ("time", "stop"), forces)}
+
+
+def impulses_of(oscillator: Any, speeds: Floats) -> dict[str, xr.Variable]:
+    """Return impulses and energies lost of impacts of one mass on its stop, at speeds in m/s."""
+    mass, r = oscillator.mass, oscillator.restitution
+    columns = {"impulse": mass * (1.0 + r) * speeds, "energy_lost": energy_loss(mass, r) * speeds**2}
+    return {name: variable(name, "impact", column) for name, column in columns.items()}
+
+
+def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str], impulses: Floats | None = None) -> xr.Dataset:
+    """Return the impacts in a window, as `impact_section` does: times, phases, stops, velocities and effects.
+
+    `impulses` are those of the rests.
+    """
     columns = {
         "time": variable("time", "impact", in_seconds(model, samples.impact_periods, samples.impact_phase)),
         "phase": variable("phase", "impact", samples.impact_phase),
@@ -65,8 +93,11 @@ def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str]) -> xr.Data
             "stop": _stops(model, "impact", samples.impact_stop, "stop that is struck"),
             "simultaneous": plain_variable("impact", samples.impact_simultaneous, several),
         }
+    else:
+        columns |= impulses_of(model, samples.impact_velocity)
+    taken = {} if impulses is None else {"stick_impulse": variable("stick_impulse", "stick", impulses)}
     status = {"status": status_variable((), samples.status)}
-    return dataset_of(columns | _rests(model, samples) | status, attrs=attrs)
+    return dataset_of(columns | _rests(model, samples) | taken | status, attrs=attrs)
 
 
 def _is_plain(samples: Any) -> bool:
@@ -97,24 +128,3 @@ def _rests(model: Any, samples: Any) -> dict[str, Any]:
 def _stops(system: ImpactSystem, dim: str, numbers: Any, long_name: str) -> Any:
     names = np.array(system.stop_names or [""], str)
     return plain_variable(dim, names[numbers], {"long_name": long_name})
-
-
-def _forces(system: ImpactSystem, samples: Any, clearances: Any) -> dict[str, Any]:
-    """Return the forces of all stops at the sampled times; NaN for stops whose impacts take no time."""
-    if all(stop.element.instantaneous for stop in system.stops):
-        return {}
-    forces, angle = [], 2.0 * np.pi * samples.look_phase
-    for stop, clearance in zip(system.stops, clearances.T, strict=True):
-        rate = samples.look_velocity @ stop.direction - stop.speed(angle, system.omega)
-        forces.append(stop.element.force(-clearance, rate))
-    return {"force": variable("force", ("time", "stop"), np.column_stack(forces))}
-
-
-def _clearances(system: ImpactSystem, samples: Any) -> Any:
-    """Return the clearances of all stops at the sampled times; a penetration of rounding size is contact."""
-    angle = 2.0 * np.pi * samples.look_phase
-    clearances = np.empty((len(angle), len(system.stops)))
-    for at, stop in enumerate(system.stops):
-        clearances[:, at] = stop.gap + stop.shift(angle) - samples.look_displacement @ stop.direction
-    rounding = BEYOND * np.abs(samples.look_displacement).max(initial=1e-300)
-    return np.where((clearances < 0.0) & (clearances > -rounding), 0.0, clearances)

@@ -21,12 +21,13 @@ from vibroimpact.backends import (
     check_takes,
     get_backend,
 )
+from vibroimpact.backends.effects import States, rest_impulses
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, provenance, status_variable, variable
 from vibroimpact.labels import in_seconds, labelled_impacts, trajectory_of
 from vibroimpact.model import Model, State, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.parameters import STEPS, check_fits, check_steps, counted, invalid, phase_number
+from vibroimpact.parameters import STEPS, check_fits, check_steps, counted, hertz, invalid, phase_number
 from vibroimpact.progress import reporter
 from vibroimpact.status import Status
 
@@ -63,9 +64,14 @@ class Followed:
         start = one_start(self.start)
         return 0.0 if start is None else start.time
 
+    @property
+    def cells(self) -> Any:
+        """The design with its initial condition, as a table of one cell."""
+        return self.model.cells({}, one_start(self.start))
+
     def samples(self, window: Window) -> Any:
         """Return the samples in a window."""
-        return self.samples_of(self.design, self.model.cells({}, one_start(self.start)), window)
+        return self.samples_of(self.design, self.cells, window)
 
     def samples_of(self, design: Any, cells: Any, window: Window) -> Any:
         """Return the samples of one cell of a design in a window."""
@@ -79,6 +85,28 @@ class Followed:
         if samples.status == Status.SHORT_WINDOW and not design.periodic:  # there are no periods to be few
             samples = replace(samples, status=int(Status.STICKING if len(samples.rest_begin) else Status.OK))
         return samples
+
+    def states(self, design: Any, cells: Any, begin: float) -> States:
+        """Return the function that follows one cell again, from `begin` in s, for its states at other times."""
+
+        def states(turns: Floats) -> tuple[Floats, Floats]:
+            found = self.samples_of(design, cells, TimesWindow.of(turns, hertz(begin * design.omega)))
+            lost = (0, len(turns) - len(found.look_phase)), (0, 0)  # after the end of a motion that ended early
+            q, v = (
+                np.pad(part, lost, constant_values=np.nan) for part in (found.look_displacement, found.look_velocity)
+            )
+            return q, v
+
+        return states
+
+    def rest_impulses(self, samples: Any, since: float = -math.inf) -> Floats:
+        """Return the impulse in N s of each rest in samples; up to the last one if it is not over.
+
+        Rests that end before `since`, in driving periods, are left out (NaN), and those not over at the last impact.
+        """
+        looks = samples.look_periods + samples.look_phase
+        last, states = float(looks[-1]) if len(looks) else math.nan, self.states(self.design, self.cells, self.begin)
+        return rest_impulses(getattr(self.design, "system", self.design), samples, last, states, since)
 
     def check_cost(self, window: Window) -> None:
         """Raise if memory cannot hold the samples, or if fixed steps would take too long."""
@@ -194,7 +222,7 @@ def impact_section(
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     samples = orbit.samples(window)
     how = orbit.provenance("impact_section", transient_impacts=window.transient, sample_impacts=window.keep)
-    return labelled_impacts(samples, orbit.design, how)
+    return labelled_impacts(samples, orbit.design, how, orbit.rest_impulses(samples))
 
 
 def stroboscopic_section(

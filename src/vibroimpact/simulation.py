@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from vibroimpact.backends import LooksWindow, StroboscopicWindow, TimesWindow
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, status_variable
-from vibroimpact.labels import in_seconds, trajectory_of
+from vibroimpact.labels import in_seconds, taken_by_stops, trajectory_of
 from vibroimpact.loads import Pieces, as_given
 from vibroimpact.matrices import numbers
 from vibroimpact.model import Model, State, one_start
@@ -159,7 +159,10 @@ def simulate(
         variables = loads.follow(run, _seconds_of(window, run) if times is None else seconds)
     else:
         samples, attrs = run.samples(window), run.provenance("simulate", **how)
-        variables = trajectory_of(samples, design) | {"status": status_variable((), samples.status)}
+        since = float((samples.look_periods + samples.look_phase)[:1].sum()) if skip_periods else -math.inf
+        variables = trajectory_of(samples, design)
+        variables |= taken_by_stops(samples, design, run.rest_impulses(samples, since))
+        variables["status"] = status_variable((), samples.status)
         if times is not None:
             variables["time"] = variables["time"].copy(data=as_given(variables["time"].values, seconds))
     coords = {"time": variables.pop("time")}

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.backends.base import energy_loss
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, model_of, plain_variable, variable
+from vibroimpact.labels import impulses_of
 from vibroimpact.matrices import numbers
 from vibroimpact.model import is_model
 from vibroimpact.model.elements import REPORTS
@@ -130,9 +130,7 @@ def _record(source: Any) -> _Record:
     columns |= {name: source[name].values for name in REPORTS if name in source}
     stops = source[f"{prefix}stop"].values if f"{prefix}stop" in source else np.full(source.sizes["impact"], "stop")
     if "impulse" not in columns:
-        mass, r = model.mass, model.restitution
-        columns |= {"impulse": mass * (1.0 + r) * columns["velocity"]}
-        columns |= {"energy_lost": energy_loss(mass, r) * columns["velocity"] ** 2}
+        columns |= {name: column.values for name, column in impulses_of(model, columns["velocity"]).items()}
     if prefix:
         begin, end = source["time"].values[[0, -1]].tolist()
     else:

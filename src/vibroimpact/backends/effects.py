@@ -1,0 +1,296 @@
+"""What stops take over parts of a motion: impulses, energies and largest values, integrated from exact states.
+
+A part is divided where stops are struck, close or open and where the force of a compliant stop begins or ends, and then
+into panels of at most 1 rad of the fastest rate. On each of them forces are as smooth as a sine, and the 12 nodes of
+Gauss and Legendre integrate and interpolate them to 1e-14 of their size.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from vibroimpact.cells import Floats
+from vibroimpact.matrices import block_matrix
+from vibroimpact.model.balance import pressing, stop_forces
+
+if TYPE_CHECKING:
+    from vibroimpact.model.system import ImpactSystem
+
+NODES, WEIGHTS = legendre.leggauss(12)
+FIT = np.linalg.inv(legendre.legvander(NODES, len(NODES) - 1))  # the series through values at the nodes
+LONGEST = 1.0  # rad of the fastest rate per panel
+EDGE = 1e-9  # of a panel: a force that begins or ends so near its end does so at its end
+SHORT = 1e-13  # driving periods: shorter parts are rounding
+AFTER = 1e-3  # driving periods: the motion after an impact is extrapolated back to it from at most so much
+ROUNDS = 8  # of dividing panels; the error of such a place is about squared in each
+
+States = Callable[[Floats], tuple[Floats, Floats]]  # coordinates and velocities, one row per time in driving periods
+
+
+class Rests:
+    """The rests of a motion at its stops; times are in driving periods, and one that is not over ends at `last`."""
+
+    def __init__(self, samples: Any, last: float) -> None:
+        self.stops = samples.rest_stop
+        self.begins, ends = samples.rest_begin.sum(axis=1), samples.rest_end.sum(axis=1)
+        self.ends = np.where(np.isnan(ends), last, ends)
+
+    def closed(self, turns: Floats, stops: int) -> NDArray[np.bool_]:
+        """Return whether each of so many stops is closed, one row per time; times ascend."""
+        closed = np.zeros((len(turns), stops), bool)
+        rows = np.searchsorted(turns, [self.begins, self.ends]).T.tolist()
+        for stop, (first, last) in zip(self.stops.tolist(), rows, strict=True):
+            closed[first:last, stop] = True
+        return closed
+
+
+def forces_at(system: ImpactSystem, rests: Rests, turns: Floats, q: Floats, v: Floats) -> Floats:
+    """Return the forces of all stops in N in the states at ascending times in driving periods, one row per time."""
+    forces, angles = np.zeros((len(turns), len(system.stops))), angles_of(turns)
+    sets, which = np.unique(rests.closed(turns, len(system.stops)), axis=0, return_inverse=True)
+    for number, closed in enumerate(sets):
+        rows = which.ravel() == number
+        forces[rows] = stop_forces(system, q[rows], v[rows], angles[rows], np.flatnonzero(closed).tolist())
+    return forces
+
+
+def angles_of(turns: Floats) -> Floats:
+    """Return the driving angles at times in driving periods."""
+    angles: Floats = 2.0 * np.pi * (turns - np.floor(turns))
+    return angles
+
+
+@dataclass(frozen=True)
+class Panels:
+    """Parts of a motion: their ends in driving periods; states and forces at their nodes, (panels, nodes, ...)."""
+
+    system: ImpactSystem
+    ends: Floats
+    q: Floats
+    v: Floats
+    forces: Floats
+
+    def __getitem__(self, which: Any) -> Panels:
+        return Panels(self.system, self.ends[which], self.q[which], self.v[which], self.forces[which])
+
+    def between(self, begin: float, end: float) -> Panels:
+        """Return the panels between two times in driving periods."""
+        return self[slice(*np.searchsorted(self.ends.mean(axis=1), [begin, end]))]
+
+    def integral(self, values: Floats) -> float:
+        """Return the integral of values at the nodes over time in s."""
+        return float((0.5 * self.system.period * np.diff(self.ends) * WEIGHTS * values).sum())
+
+    def depth(self, stop: int) -> tuple[Floats, Floats]:
+        """Return how deep a stop is penetrated in m at the nodes, and its rate in m/s."""
+        wall, angles = self.system.stops[stop], angles_of(_nodes(self.ends))
+        depth = self.q @ wall.direction - wall.gap - wall.shift(angles)
+        return depth, self.v @ wall.direction - wall.speed(angles, self.system.omega)
+
+    def jump(self, time: float, stops: list[int]) -> Any:
+        """Return the impulses in N s of rigid stops in the impacts at a time, from the velocities before and after."""
+        before, after = (int(np.abs(self.ends[:, side] - time).argmin()) for side in (1, 0))
+        ends = [
+            (FIT @ self.v[at]).T @ legendre.legvander(at_end, len(NODES) - 1)[0]
+            for at, at_end in ((before, 1.0), (after, -1.0))
+        ]
+        rows = np.array([self.system.stops[at].direction for at in stops])
+        return pressing(rows @ np.linalg.solve(self.system.mass, rows.T), rows @ (ends[0] - ends[1]))
+
+    @cached_property
+    def _levels(self) -> dict[int, tuple[Floats, Floats]]:
+        """The series of the penetration of each compliant stop and of k d + c d', whose zeros bound its force."""
+        levels = {}
+        for at, stop in enumerate(self.system.stops):
+            if not stop.element.instantaneous:
+                depth, rate = self.depth(at)
+                levels[at] = depth @ FIT.T, ((stop.stiffness or 0.0) * depth + (stop.damping or 0.0) * rate) @ FIT.T
+        return levels
+
+    def cuts(self, at: int, rates: _Rates) -> list[float]:
+        """Return where a panel must be divided, in fractions of it."""
+        pushing = tuple(stop for stop in self._levels if self.forces[at, :, stop].any())
+        places = rates.places(self.ends[at], pushing)
+        for depths, pushes in self._levels.values():
+            roots = [root for root in _roots(pushes[at]) if legendre.legval(root, depths[at]) > 0.0]
+            places += [0.5 * (1.0 + root) for root in [*roots, *_roots(depths[at])]]
+        return sorted(places)
+
+
+def _nodes(ends: Floats) -> Floats:
+    nodes: Floats = ends.mean(axis=1)[:, None] + 0.5 * np.diff(ends) * NODES
+    return nodes
+
+
+def _roots(series: Floats) -> list[float]:
+    """Return the places within (-1, 1), one between two nodes, where a series changes its sign."""
+
+    def value(x: Any) -> Any:
+        return legendre.legval(x, series)
+
+    places = np.concatenate([[EDGE - 1.0], NODES, [1.0 - EDGE]])
+    signs = np.sign(value(places))
+    return [brentq(value, *pair) for pair in np.column_stack([places[:-1], places[1:]])[signs[:-1] * signs[1:] < 0.0]]
+
+
+class _Rates(dict[tuple[int, ...], float]):
+    """The fastest rate in rad per driving period while some stops push."""
+
+    def __init__(self, system: ImpactSystem) -> None:
+        self.system = system
+
+    def __missing__(self, pushing: tuple[int, ...]) -> float:
+        system, n = self.system, self.system.coordinates
+        stiffness, damping = system.stiffness, system.damping
+        for stop in (system.stops[at] for at in pushing):
+            stiffness = stiffness + (stop.stiffness or 0.0) * np.outer(stop.direction, stop.direction)
+            damping = damping + (stop.damping or 0.0) * np.outer(stop.direction, stop.direction)
+        acting: Any = np.linalg.solve(system.mass, np.hstack([-stiffness, -damping]))
+        companion = block_matrix(np.zeros((n, n)), np.eye(n), acting[:, :n], acting[:, n:])
+        orders = [*system.force.harmonics, *(order for stop in system.stops for order in stop.motion)]
+        fastest = max(np.abs(np.linalg.eigvals(companion)).max(), system.omega * max(orders, default=0))
+        self[pushing] = float(system.period * fastest)
+        return self[pushing]
+
+    def places(self, ends: Floats, pushing: tuple[int, ...] = ()) -> list[float]:
+        """Return where a panel must be divided, in fractions of it."""
+        number = math.ceil(float(ends[1] - ends[0]) * self[pushing] / LONGEST - EDGE)
+        return [at / number for at in range(1, number)]
+
+
+def _divided(ends: Floats, cuts: list[list[float]]) -> Floats:
+    """Return the ends of the parts of panels that are divided at fractions of them."""
+    parts: list[tuple[float, float]] = []
+    for (begin, end), places in zip(ends, cuts, strict=True):
+        parts += pairwise([begin, *(begin + (end - begin) * place for place in places), end])
+    return np.array(parts).reshape(-1, 2)
+
+
+def parts_of(spans: Sequence[tuple[float, float]], system: ImpactSystem, samples: Any, rests: Rests) -> Floats:
+    """Return the ends of the parts without events of spans of a motion, in driving periods, ascending."""
+    impacts = samples.impact_periods + samples.impact_phase
+    over = impacts + np.nan_to_num(getattr(samples, "impact_duration", 0.0 * impacts)) / system.period
+    edges = np.unique([*impacts, *over, *rests.begins, *rests.ends, *np.ravel(spans)])
+    parts: Floats = np.column_stack([edges[:-1], edges[1:]])
+    begun, ended = (np.searchsorted(np.sort(times), parts.mean(axis=1)) for times in np.reshape(spans, (-1, 2)).T)
+    kept: Floats = parts[(begun > ended) & (parts[:, 1] - parts[:, 0] > SHORT)]
+    return kept
+
+
+def panels_over(system: ImpactSystem, parts: Floats, rests: Rests, states: States) -> Panels:
+    """Return the panels of parts of a motion without events but for those of the forces of compliant stops."""
+    rates, done = _Rates(system), []
+    ends = _divided(parts, [rates.places(each) for each in parts])
+    for left in reversed(range(ROUNDS)):
+        turns = _nodes(ends)
+        q, v = states(turns.ravel()) if len(ends) else np.zeros((2, 0, system.coordinates))
+        forces = forces_at(system, rests, turns.ravel(), q, v)
+        panels = Panels(system, ends, *(part.reshape(*turns.shape, part.shape[-1]) for part in (q, v, forces)))
+        cuts = [panels.cuts(at, rates) if left else [] for at in range(len(ends))]
+        whole = np.array([not places for places in cuts], bool)
+        done.append(panels[whole])
+        ends = _divided(ends[~whole], [places for places in cuts if places])
+        if not len(ends):
+            break
+    names = "ends", "q", "v", "forces"
+    joined = Panels(system, *(np.concatenate([getattr(each, name) for each in done]) for name in names))
+    return joined[np.argsort(joined.ends[:, 0])]
+
+
+class Contact(NamedTuple):
+    """What a compliant stop takes: impulse in N s, loss in J, largest force in N, time in s, and penetration in m."""
+
+    impulse: float = 0.0
+    energy_lost: float = 0.0
+    peak_force: float = 0.0
+    contact_time: float = 0.0
+    penetration: float = 0.0
+
+    def joined(self, other: Contact) -> Contact:
+        """Return what both parts of one contact take together."""
+        sums, most = ("impulse", "energy_lost", "contact_time"), ("peak_force", "penetration")
+        fold = dict.fromkeys(sums, float.__add__) | dict.fromkeys(most, max)
+        return Contact(**{name: fold[name](getattr(self, name), getattr(other, name)) for name in self._fields})
+
+
+def contact_within(
+    system: ImpactSystem, samples: Any, last: float, states: States, stop: int, span: tuple[float, float]
+) -> tuple[Contact, bool, bool]:
+    """Return what a compliant stop takes in a contact within a span, whether it is over, and else whether it pushes.
+
+    The stop is touched or pressed in where the span, in driving periods, begins.
+    """
+    rests = Rests(samples, last)
+    panels = panels_over(system, parts_of([span], system, samples, rests), rests, states)
+    depths, rates = panels.depth(stop)
+    free: Any = np.flatnonzero(depths.mean(axis=1) < 0.0)
+    within = slice(free[0] if len(free) else None)
+    panels, depths, forces = panels[within], depths[within], panels.forces[within, :, stop]
+    pushes: Any = forces.any(axis=1)
+    taken = Contact(
+        impulse=panels.integral(forces),
+        energy_lost=panels.integral(forces * rates[within]),
+        peak_force=_largest(forces[pushes]),
+        contact_time=system.period * float(np.diff(panels.ends)[pushes].sum()),
+        penetration=_largest(depths[pushes]),
+    )
+    return taken, len(free) > 0, not len(free) and bool(pushes[-1:].any())
+
+
+def _largest(values: Floats) -> float:
+    """Return the largest value in panels, from values at their nodes; 0 if there are none."""
+    most = 0.0
+    for series in values @ FIT.T:
+        places = [-1.0, *_roots(legendre.legder(series)), 1.0]
+        most = max(most, *legendre.legval(np.array(places), series).tolist())
+    return most
+
+
+def rest_impulses(system: ImpactSystem, samples: Any, last: float, states: States, since: float = -math.inf) -> Floats:
+    """Return the impulse in N s that a stop takes in each rest; up to `last` if it is not over.
+
+    It contains the shares of impacts on other stops. Rests that end before `since` are left out (NaN). With one
+    coordinate, a closed stop determines the state.
+    """
+    rests = Rests(samples, last)
+    asked = np.flatnonzero(rests.ends > since)
+    spans = [(float(rests.begins[row]), float(rests.ends[row])) for row in asked]
+    impulses = np.full(len(rests.ends), np.nan)
+    if system.coordinates == 1:
+        shares, states = [], lambda turns: _beside(system, rests, turns)
+    else:
+        struck = samples.impact_periods + samples.impact_phase
+        shares = [time for time in np.unique(struck) if any(begin < time <= end + SHORT for begin, end in spans)]
+    parts = parts_of([*spans, *((time, time + AFTER) for time in shares)], system, samples, rests)
+    panels = panels_over(system, parts, rests, states)
+    for row, (begin, end) in zip(asked, spans, strict=True):
+        part = panels.between(begin, end)
+        impulses[row] = part.integral(part.forces[..., rests.stops[row]])
+    for time in shares:
+        closed = np.flatnonzero((rests.begins < time) & (time <= rests.ends + SHORT))
+        stops = np.unique([*rests.stops[closed], *samples.impact_stop[np.abs(struck - time) <= SHORT]])
+        rigid = [at for at in stops.tolist() if system.stops[at].element.instantaneous]
+        taken = dict(zip(rigid, panels.jump(time, rigid), strict=True))
+        impulses[closed] += [taken[at] for at in rests.stops[closed].tolist()]
+    return impulses
+
+
+def _beside(system: ImpactSystem, rests: Rests, turns: Floats) -> tuple[Floats, Floats]:
+    """Return the states of one coordinate at the stops that are closed at these times."""
+    closed, q, v = rests.closed(turns, len(system.stops)), np.zeros((len(turns), 1)), np.zeros((len(turns), 1))
+    for at, stop in enumerate(system.stops):
+        rows = closed[:, at]
+        angles = angles_of(turns[rows])
+        q[rows] = ((stop.gap + stop.shift(angles)) / stop.direction)[:, None]
+        v[rows] = (stop.speed(angles, system.omega) / stop.direction)[:, None]
+    return q, v
