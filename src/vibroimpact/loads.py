@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from vibroimpact.backends import TimesWindow
-from vibroimpact.backends.effects import Contact, States, contact_within, rest_impulses
+from vibroimpact.backends.effects import Contact, States, contact_within
+from vibroimpact.backends.rests import rest_impulses
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import status_variable
 from vibroimpact.labels import taken_by_stops, trajectory_of
@@ -82,7 +83,7 @@ class Pieces:
             looks = own if len(own) and own[-1] == end else np.append(own, end)
             turns = hertz(np.array([now, *looks]) * system.omega)
             samples = run.samples_of(system, cells, TimesWindow.of(turns[1:], turns[0]))
-            states = run.states(system, cells, now)
+            states = run.states(system, cells, now, float(turns[-1] - turns[0]))
             impulses = rest_impulses(system, samples, float(turns[-1]), states)
             part = trajectory_of(samples, system) | taken_by_stops(samples, system, impulses)
             seconds = as_given(part["time"].values, looks)

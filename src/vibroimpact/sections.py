@@ -21,7 +21,8 @@ from vibroimpact.backends import (
     check_takes,
     get_backend,
 )
-from vibroimpact.backends.effects import States, rest_impulses
+from vibroimpact.backends.effects import States
+from vibroimpact.backends.rests import rest_impulses
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, provenance, status_variable, variable
 from vibroimpact.labels import in_seconds, labelled_impacts, trajectory_of
@@ -86,26 +87,30 @@ class Followed:
             samples = replace(samples, status=int(Status.STICKING if len(samples.rest_begin) else Status.OK))
         return samples
 
-    def states(self, design: Any, cells: Any, begin: float) -> States:
-        """Return the function that follows one cell again, from `begin` in s, for its states at other times."""
+    def states(self, design: Any, cells: Any, begin: float, length: float) -> States:
+        """Return the function that follows one cell again, from `begin` in s, for its states at other times.
+
+        `length`, in driving periods or impacts, is that of the first run, by which steps are granted.
+        """
 
         def states(turns: Floats) -> tuple[Floats, Floats]:
-            found = self.samples_of(design, cells, TimesWindow.of(turns, hertz(begin * design.omega)))
+            window = replace(TimesWindow.of(turns, hertz(begin * design.omega)), length=length)
+            (found,) = self.engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
             lost = (0, len(turns) - len(found.look_phase)), (0, 0)  # after the end of a motion that ended early
-            q, v = (
-                np.pad(part, lost, constant_values=np.nan) for part in (found.look_displacement, found.look_velocity)
-            )
-            return q, v
+            q, v = found.look_displacement, found.look_velocity
+            return np.pad(q, lost, constant_values=np.nan), np.pad(v, lost, constant_values=np.nan)
 
         return states
 
-    def rest_impulses(self, samples: Any, since: float = -math.inf) -> Floats:
-        """Return the impulse in N s of each rest in samples; up to the last one if it is not over.
+    def rest_impulses(self, samples: Any, window: Window, since: float = -math.inf) -> Floats:
+        """Return the impulse in N s of each rest in the samples in a window; up to the last one if it is not over.
 
         Rests that end before `since`, in driving periods, are left out (NaN), and those not over at the last impact.
         """
         looks = samples.look_periods + samples.look_phase
-        last, states = float(looks[-1]) if len(looks) else math.nan, self.states(self.design, self.cells, self.begin)
+        last = float(looks[-1]) if len(looks) else math.nan
+        length = float(window.transient + window.keep) if isinstance(window, ImpactWindow) else window.length
+        states = self.states(self.design, self.cells, self.begin, length)
         return rest_impulses(getattr(self.design, "system", self.design), samples, last, states, since)
 
     def check_cost(self, window: Window) -> None:
@@ -222,7 +227,7 @@ def impact_section(
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     samples = orbit.samples(window)
     how = orbit.provenance("impact_section", transient_impacts=window.transient, sample_impacts=window.keep)
-    return labelled_impacts(samples, orbit.design, how, orbit.rest_impulses(samples))
+    return labelled_impacts(samples, orbit.design, how, orbit.rest_impulses(samples, window))
 
 
 def stroboscopic_section(

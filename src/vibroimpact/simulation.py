@@ -161,7 +161,7 @@ def simulate(
         samples, attrs = run.samples(window), run.provenance("simulate", **how)
         since = float((samples.look_periods + samples.look_phase)[:1].sum()) if skip_periods else -math.inf
         variables = trajectory_of(samples, design)
-        variables |= taken_by_stops(samples, design, run.rest_impulses(samples, since))
+        variables |= taken_by_stops(samples, design, run.rest_impulses(samples, window, since))
         variables["status"] = status_variable((), samples.status)
         if times is not None:
             variables["time"] = variables["time"].copy(data=as_given(variables["time"].values, seconds))

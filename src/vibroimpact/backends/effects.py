@@ -1,4 +1,4 @@
-"""What stops take over parts of a motion: impulses, energies and largest values, integrated from exact states.
+"""What stops take over parts of a motion: impulses, energies and largest values, by quadrature of exact states.
 
 A part is divided where stops are struck, close or open and where the force of a compliant stop begins or ends, and then
 into panels of at most 1 rad of the fastest rate. On each of them forces are as smooth as a sine, and the 12 nodes of
@@ -8,7 +8,7 @@ Gauss and Legendre integrate and interpolate them to 1e-14 of their size.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import block_matrix
-from vibroimpact.model.balance import pressing, stop_forces
+from vibroimpact.model.balance import stop_forces
 
 if TYPE_CHECKING:
     from vibroimpact.model.system import ImpactSystem
@@ -31,7 +31,7 @@ FIT = np.linalg.inv(legendre.legvander(NODES, len(NODES) - 1))  # the series thr
 LONGEST = 1.0  # rad of the fastest rate per panel
 EDGE = 1e-9  # of a panel: a force that begins or ends so near its end does so at its end
 SHORT = 1e-13  # driving periods: shorter parts are rounding
-AFTER = 1e-3  # driving periods: the motion after an impact is extrapolated back to it from at most so much
+MOST = 100_000  # rad of the fastest rate per part: what takes longer is NaN
 ROUNDS = 8  # of dividing panels; the error of such a place is about squared in each
 
 States = Callable[[Floats], tuple[Floats, Floats]]  # coordinates and velocities, one row per time in driving periods
@@ -97,15 +97,9 @@ class Panels:
         depth = self.q @ wall.direction - wall.gap - wall.shift(angles)
         return depth, self.v @ wall.direction - wall.speed(angles, self.system.omega)
 
-    def jump(self, time: float, stops: list[int]) -> Any:
-        """Return the impulses in N s of rigid stops in the impacts at a time, from the velocities before and after."""
-        before, after = (int(np.abs(self.ends[:, side] - time).argmin()) for side in (1, 0))
-        ends = [
-            (FIT @ self.v[at]).T @ legendre.legvander(at_end, len(NODES) - 1)[0]
-            for at, at_end in ((before, 1.0), (after, -1.0))
-        ]
-        rows = np.array([self.system.stops[at].direction for at in stops])
-        return pressing(rows @ np.linalg.solve(self.system.mass, rows.T), rows @ (ends[0] - ends[1]))
+    def velocity(self, at: int, end: float) -> Any:
+        """Return the velocity at the beginning (-1) or at the end (1) of a panel, before the event there."""
+        return legendre.legval(end, FIT @ self.v[at])
 
     @cached_property
     def _levels(self) -> dict[int, tuple[Floats, Floats]]:
@@ -117,7 +111,7 @@ class Panels:
                 levels[at] = depth @ FIT.T, ((stop.stiffness or 0.0) * depth + (stop.damping or 0.0) * rate) @ FIT.T
         return levels
 
-    def cuts(self, at: int, rates: _Rates) -> list[float]:
+    def cuts(self, at: int, rates: Rates) -> list[float]:
         """Return where a panel must be divided, in fractions of it."""
         pushing = tuple(stop for stop in self._levels if self.forces[at, :, stop].any())
         places = rates.places(self.ends[at], pushing)
@@ -143,11 +137,16 @@ def _roots(series: Floats) -> list[float]:
     return [brentq(value, *pair) for pair in np.column_stack([places[:-1], places[1:]])[signs[:-1] * signs[1:] < 0.0]]
 
 
-class _Rates(dict[tuple[int, ...], float]):
+def orders_of(system: ImpactSystem) -> list[int]:
+    """Return the orders of the harmonics of load and stops, ascending."""
+    return sorted({*system.force.harmonics, *(order for stop in system.stops for order in stop.motion)})
+
+
+class Rates(dict[tuple[int, ...], float]):
     """The fastest rate in rad per driving period while some stops push."""
 
     def __init__(self, system: ImpactSystem) -> None:
-        self.system = system
+        self.system, self.too_long = system, False
 
     def __missing__(self, pushing: tuple[int, ...]) -> float:
         system, n = self.system, self.system.coordinates
@@ -157,14 +156,16 @@ class _Rates(dict[tuple[int, ...], float]):
             damping = damping + (stop.damping or 0.0) * np.outer(stop.direction, stop.direction)
         acting: Any = np.linalg.solve(system.mass, np.hstack([-stiffness, -damping]))
         companion = block_matrix(np.zeros((n, n)), np.eye(n), acting[:, :n], acting[:, n:])
-        orders = [*system.force.harmonics, *(order for stop in system.stops for order in stop.motion)]
-        fastest = max(np.abs(np.linalg.eigvals(companion)).max(), system.omega * max(orders, default=0))
+        highest = max(orders_of(system), default=0)
+        fastest = max(np.abs(np.linalg.eigvals(companion)).max(), system.omega * highest)
         self[pushing] = float(system.period * fastest)
         return self[pushing]
 
     def places(self, ends: Floats, pushing: tuple[int, ...] = ()) -> list[float]:
         """Return where a panel must be divided, in fractions of it."""
         number = math.ceil(float(ends[1] - ends[0]) * self[pushing] / LONGEST - EDGE)
+        if number * LONGEST > MOST:
+            number, self.too_long = 1, True
         return [at / number for at in range(1, number)]
 
 
@@ -176,7 +177,7 @@ def _divided(ends: Floats, cuts: list[list[float]]) -> Floats:
     return np.array(parts).reshape(-1, 2)
 
 
-def parts_of(spans: Sequence[tuple[float, float]], system: ImpactSystem, samples: Any, rests: Rests) -> Floats:
+def parts_of(spans: Any, system: ImpactSystem, samples: Any, rests: Rests) -> Floats:
     """Return the ends of the parts without events of spans of a motion, in driving periods, ascending."""
     impacts = samples.impact_periods + samples.impact_phase
     over = impacts + np.nan_to_num(getattr(samples, "impact_duration", 0.0 * impacts)) / system.period
@@ -189,7 +190,7 @@ def parts_of(spans: Sequence[tuple[float, float]], system: ImpactSystem, samples
 
 def panels_over(system: ImpactSystem, parts: Floats, rests: Rests, states: States) -> Panels:
     """Return the panels of parts of a motion without events but for those of the forces of compliant stops."""
-    rates, done = _Rates(system), []
+    rates, done = Rates(system), []
     ends = _divided(parts, [rates.places(each) for each in parts])
     for left in reversed(range(ROUNDS)):
         turns = _nodes(ends)
@@ -203,8 +204,9 @@ def panels_over(system: ImpactSystem, parts: Floats, rests: Rests, states: State
         if not len(ends):
             break
     names = "ends", "q", "v", "forces"
-    joined = Panels(system, *(np.concatenate([getattr(each, name) for each in done]) for name in names))
-    return joined[np.argsort(joined.ends[:, 0])]
+    ends, *values = (np.concatenate([getattr(each, name) for each in done]) for name in names)
+    order = np.argsort(ends[:, 0])
+    return Panels(system, ends[order], *(np.nan * each if rates.too_long else each[order] for each in values))
 
 
 class Contact(NamedTuple):
@@ -254,43 +256,3 @@ def _largest(values: Floats) -> float:
         places = [-1.0, *_roots(legendre.legder(series)), 1.0]
         most = max(most, *legendre.legval(np.array(places), series).tolist())
     return most
-
-
-def rest_impulses(system: ImpactSystem, samples: Any, last: float, states: States, since: float = -math.inf) -> Floats:
-    """Return the impulse in N s that a stop takes in each rest; up to `last` if it is not over.
-
-    It contains the shares of impacts on other stops. Rests that end before `since` are left out (NaN). With one
-    coordinate, a closed stop determines the state.
-    """
-    rests = Rests(samples, last)
-    asked = np.flatnonzero(rests.ends > since)
-    spans = [(float(rests.begins[row]), float(rests.ends[row])) for row in asked]
-    impulses = np.full(len(rests.ends), np.nan)
-    if system.coordinates == 1:
-        shares, states = [], lambda turns: _beside(system, rests, turns)
-    else:
-        struck = samples.impact_periods + samples.impact_phase
-        shares = [time for time in np.unique(struck) if any(begin < time <= end + SHORT for begin, end in spans)]
-    parts = parts_of([*spans, *((time, time + AFTER) for time in shares)], system, samples, rests)
-    panels = panels_over(system, parts, rests, states)
-    for row, (begin, end) in zip(asked, spans, strict=True):
-        part = panels.between(begin, end)
-        impulses[row] = part.integral(part.forces[..., rests.stops[row]])
-    for time in shares:
-        closed = np.flatnonzero((rests.begins < time) & (time <= rests.ends + SHORT))
-        stops = np.unique([*rests.stops[closed], *samples.impact_stop[np.abs(struck - time) <= SHORT]])
-        rigid = [at for at in stops.tolist() if system.stops[at].element.instantaneous]
-        taken = dict(zip(rigid, panels.jump(time, rigid), strict=True))
-        impulses[closed] += [taken[at] for at in rests.stops[closed].tolist()]
-    return impulses
-
-
-def _beside(system: ImpactSystem, rests: Rests, turns: Floats) -> tuple[Floats, Floats]:
-    """Return the states of one coordinate at the stops that are closed at these times."""
-    closed, q, v = rests.closed(turns, len(system.stops)), np.zeros((len(turns), 1)), np.zeros((len(turns), 1))
-    for at, stop in enumerate(system.stops):
-        rows = closed[:, at]
-        angles = angles_of(turns[rows])
-        q[rows] = ((stop.gap + stop.shift(angles)) / stop.direction)[:, None]
-        v[rows] = (stop.speed(angles, system.omega) / stop.direction)[:, None]
-    return q, v

@@ -55,14 +55,21 @@ def stop_forces(system: ImpactSystem, q: Floats, v: Floats, angle: Floats, close
         rows = np.array([system.stops[at].direction for at in held])
         moved = [np.broadcast_to(system.stops[at].acceleration(angle, system.omega), np.shape(angle)) for at in held]
         needed = accelerations(system, q, v, angle, forces) @ rows.T - np.stack(moved, axis=-1)
-        coupling = rows @ np.linalg.solve(system.mass, rows.T)
-        forces[..., held] = np.maximum(pressing(coupling, needed), 0.0)
+        forces[..., held] = np.maximum(pressing(system, held, needed), 0.0)
     return forces
 
 
-def pressing(coupling: Floats, needed: Floats) -> Any:
-    """Return forces or impulses x, a row per row of `needed`, with `coupling` x = `needed`; if several, one x >= 0."""
-    if np.linalg.matrix_rank(coupling, hermitian=True) == len(coupling):
+def coupling_of(system: ImpactSystem, stops: Sequence[int]) -> tuple[Floats, bool]:
+    """Return a M^-1 a^T of some stops, and whether it is regular, so that it determines their forces."""
+    rows = np.array([system.stops[at].direction for at in stops])
+    coupling: Floats = rows @ np.linalg.solve(system.mass, rows.T)
+    return coupling, np.linalg.matrix_rank(coupling, hermitian=True) == len(rows)
+
+
+def pressing(system: ImpactSystem, stops: Sequence[int], needed: Floats) -> Any:
+    """Return forces or impulses that change the rates along some stops' directions as needed, one row each."""
+    coupling, regular = coupling_of(system, stops)
+    if regular:
         return np.linalg.solve(coupling, needed[..., None])[..., 0]
     from scipy.optimize import nnls
 
