@@ -52,6 +52,7 @@ VARIABLES: dict[str, tuple[str, str, str]] = {
     "max_impulse": ("largest impulse of an impact", "N s", "max P"),
     "power": ("energy lost at the stop per unit time", "W", "W"),
     "rest_fraction": ("time at rest at the stop over total time", "1", "T_r/T"),
+    "rest_force": ("impulses of rests per unit time", "N", "<F_r>"),
     "mean_peak_force": ("mean of the largest forces of contacts", "N", "<F>"),
     "mean_contact_time": ("mean duration of a contact", "s", "<t_c>"),
     "contact_fraction": ("time in contact over total time", "1", "T_c/T"),

@@ -84,7 +84,7 @@ class Pieces:
             turns = hertz(np.array([now, *looks]) * system.omega)
             samples = run.samples_of(system, cells, TimesWindow.of(turns[1:], turns[0]))
             states = run.states(system, cells, now, float(turns[-1] - turns[0]))
-            impulses = rest_impulses(system, samples, float(turns[-1]), states)
+            impulses = rest_impulses(system, samples, -math.inf, float(turns[-1]), states)
             part = trajectory_of(samples, system) | taken_by_stops(samples, system, impulses)
             seconds = as_given(part["time"].values, looks)
             part["time"] = part["time"].copy(data=seconds)
@@ -169,8 +169,8 @@ def _divided(
     within = partial(contact_within, system, samples, end, states)
     after = {stop: contact.followed(stop, begin, end, within) for stop, contact in before.items()}
     impacts, angle = samples.impact_periods + samples.impact_phase, np.array(2.0 * np.pi * samples.look_phase[-1])
-    pressed = clearances(system, samples.look_displacement[-1], angle) < 0.0
-    for stop in np.flatnonzero(pressed & [each.compliant for each in system.stops]).tolist():
+    u = clearances(system, samples.look_displacement[-1], angle).tolist()
+    for stop in (at for at, each in enumerate(system.stops) if each.compliant and u[at] < 0.0):
         rows = np.flatnonzero((samples.impact_stop == stop) & (impacts < end - SAME))
         if after.get(stop) is None and len(rows):
             after[stop] = _Divided(part, int(rows[-1])).followed(stop, float(impacts[rows[-1]]), end, within)

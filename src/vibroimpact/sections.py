@@ -102,16 +102,19 @@ class Followed:
 
         return states
 
-    def rest_impulses(self, samples: Any, window: Window, since: float = -math.inf) -> Floats:
-        """Return the impulse in N s of each rest in the samples in a window; up to the last one if it is not over.
+    def rest_impulses(self, samples: Any, window: Window, skips: bool = True) -> Floats:
+        """Return the impulse in N s of each rest in the samples in a window, from the first to the last of these.
 
-        Rests that end before `since`, in driving periods, are left out (NaN), and those not over at the last impact.
+        If it `skips` nothing, what comes before the first one counts.
         """
-        looks = samples.look_periods + samples.look_phase
-        last = float(looks[-1]) if len(looks) else math.nan
-        length = float(window.transient + window.keep) if isinstance(window, ImpactWindow) else window.length
+        if isinstance(window, ImpactWindow):
+            times, length = samples.impact_periods + samples.impact_phase, float(window.transient + window.keep)
+        else:
+            times, length = samples.look_periods + samples.look_phase, window.length
+        first, last = (float(times[0]), float(times[-1])) if len(times) else (math.inf, -math.inf)
         states = self.states(self.design, self.cells, self.begin, length)
-        return rest_impulses(getattr(self.design, "system", self.design), samples, last, states, since)
+        system = getattr(self.design, "system", self.design)
+        return rest_impulses(system, samples, first if skips else -math.inf, last, states)
 
     def check_cost(self, window: Window) -> None:
         """Raise if memory cannot hold the samples, or if fixed steps would take too long."""
@@ -198,8 +201,9 @@ def impact_section(
     Returns
     -------
     xarray.Dataset
-        `time` in s, `phase` (t mod T)/T in [0, 1), `velocity` in m/s just before contact, > 0 (dim `impact`, fewer rows
-        if impacts cease); `stick_time`, `release_time` (dim `stick`) between the first and the last of them; `status`.
+        `time` in s, `phase` (t mod T)/T in [0, 1), `velocity` in m/s just before contact, > 0, `impulse` in N s,
+        `energy_lost` in J (dim `impact`, fewer rows if impacts cease); `stick_time`, `release_time` and `stick_impulse`
+        in N s (dim `stick`) from the first to the last of them; `status`.
 
     Raises
     ------

@@ -38,12 +38,13 @@ States = Callable[[Floats], tuple[Floats, Floats]]  # coordinates and velocities
 
 
 class Rests:
-    """The rests of a motion at its stops; times are in driving periods, and one that is not over ends at `last`."""
+    """The rests of a motion at its stops between two times; times are in driving periods."""
 
-    def __init__(self, samples: Any, last: float) -> None:
+    def __init__(self, samples: Any, last: float, first: float = -math.inf) -> None:
         self.stops = samples.rest_stop
-        self.begins, ends = samples.rest_begin.sum(axis=1), samples.rest_end.sum(axis=1)
-        self.ends = np.where(np.isnan(ends), last, ends)
+        ends = samples.rest_end.sum(axis=1)
+        self.begins = np.maximum(samples.rest_begin.sum(axis=1), first)
+        self.ends = np.minimum(np.where(np.isnan(ends), last, ends), last)
 
     def closed(self, turns: Floats, stops: int) -> NDArray[np.bool_]:
         """Return whether each of so many stops is closed, one row per time; times ascend."""

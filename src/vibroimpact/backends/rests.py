@@ -21,22 +21,18 @@ from vibroimpact.model.balance import clearances, coupling_of, pressing
 if TYPE_CHECKING:
     from vibroimpact.model.system import ImpactSystem
 
-NEAR = 1e-3  # driving periods: velocities are extrapolated to the time of an impact from at most so far
+NEAR = 1e-6  # driving periods: velocities are extrapolated to the time of an impact from so near
 MANY = 256  # parts at once, for the sake of memory
 LATER = 1e-3  # rad of the fastest rate: the state after an event is taken so much later
 
 
-def rest_impulses(system: ImpactSystem, samples: Any, last: float, states: States, since: float = -math.inf) -> Floats:
-    """Return the impulse in N s that a stop takes in each rest; up to `last` if it is not over.
+def rest_impulses(system: ImpactSystem, samples: Any, first: float, last: float, states: States) -> Floats:
+    """Return the impulse in N s that a stop takes in each rest, between two times in driving periods.
 
-    It contains the shares of impacts on other stops. Rests that end before `since` are left out (NaN).
+    It contains the shares of impacts on other stops. A rest that ends before the first time has none.
     """
-    rests = Rests(samples, last)
-    impacts = samples.impact_periods + samples.impact_phase
-    within = rests.ends > since
-    if math.isnan(last) and system.coordinates > 1:  # what was struck before the first impact is not known
-        within &= rests.begins >= impacts.min(initial=math.inf)
-    asked = np.flatnonzero(within)
+    rests = Rests(samples, last, first)
+    asked = np.flatnonzero(rests.ends > rests.begins)
     spans, stops = np.column_stack([rests.begins, rests.ends])[asked], rests.stops[asked]
     parts = parts_of(spans, system, samples, rests)
     if system.coordinates == 1:  # a closed stop determines the state
@@ -46,7 +42,7 @@ def rest_impulses(system: ImpactSystem, samples: Any, last: float, states: State
 
     forces = _taken(system, parts, rests, states)
     rows = np.searchsorted(parts.mean(axis=1), spans)
-    impulses = np.full(len(rests.ends), np.nan)
+    impulses = np.zeros(len(rests.ends))
     impulses[asked] = [forces[slice(*row), stop].sum() for row, stop in zip(rows.tolist(), stops, strict=True)]
     if system.coordinates > 1:
         impulses += _shares(system, samples, rests, spans, states)
@@ -130,7 +126,7 @@ def _integrals(system: ImpactSystem, closed: list[int], q: Floats, v: Floats, an
     law[2 * n + 1 :, 2 * n + 1 :] = block_matrix(none, turning, -turning, none)
     angle = np.multiply.outer(angles, orders)
     load = np.column_stack([np.ones(len(angles)), np.sin(angle), np.cos(angle)])
-    size = max(np.abs(law[:, 2 * n :]).max(), np.finfo(float).tiny)  # so that the load does not set the norm
+    size = float(np.abs(law[: 2 * n, 2 * n :]).max()) or 1.0  # so that the load does not set the norm
     scales = np.append(np.ones(2 * n), np.full(load.shape[1], size))
     law, forces = law / scales * scales[:, None], forces / scales
     x = np.column_stack([q @ factor, v @ factor / rate, size * load])
