@@ -9,6 +9,7 @@ from numpy.polynomial import legendre
 import vibroimpact as vi
 from systems import CONTACT, drawn, linear, on_springs
 from vibroimpact.backends.reference.systems import follow
+from vibroimpact.orbits.labelled import orbits_dataset
 
 NODES, WEIGHTS = legendre.leggauss(10)
 FINE = vi.Tolerances(chatter=1e-12)  # impulses of weaker impacts are in no table
@@ -162,3 +163,29 @@ def test_where_a_load_is_divided_within_contacts_changes_none_of_their_numbers(s
     divided = vi.simulate(model, times=whole["time"].values, pieces=pieces)
     for name in ("impact_time", "impact_velocity", *CONTACT):
         np.testing.assert_allclose(divided[name], whole[name], rtol=1e-8, atol=1e-9, err_msg=name)
+
+
+PAIR = vi.ImpactSystem(
+    mass=np.eye(2),
+    damping=0.05 * np.eye(2),
+    stiffness=[[2.0, -0.5], [-0.5, 1.0]],
+    force=vi.Force(omega=0.3, harmonics={1: [2.0, 0.0]}),
+    stops=[vi.Stop(direction=[1.0, 0.0], gap=0.0, restitution=0.3)],
+)
+RESTING = [vi.ImpactOscillator(omega=0.1), vi.ImpactOscillator(omega=0.3, gap=-0.5, amplitude=0.8), PAIR]
+
+
+@pytest.mark.parametrize("model", RESTING)
+def test_an_orbit_that_rests_gives_what_its_stop_takes_in_each_impact_and_rest_of_a_cycle(model):
+    (orbit,) = vi.find_orbit(model, n_periods=1, n_impacts=-1)
+    motion = vi.simulate(model, start=orbit.start, skip_periods=4, periods=6)
+    found = vi.impact_statistics(motion)
+    for total, name in ((orbit.impulses, "mean_force"), (orbit.rest_impulses, "rest_force")):
+        assert sum(total) == pytest.approx(found[name].item() * orbit.period, rel=1e-6)
+    assert sum(contact.lost for contact in orbit.contacts) == pytest.approx(
+        found["power"].item() * orbit.period, rel=1e-6
+    )
+    assert f"which takes {orbit.rest_impulses[0]:.4g} N s" in orbit._repr_html_()
+    listed = orbits_dataset(vi.find_orbit(model, n_periods=1, n_impacts=-1), model, {})
+    np.testing.assert_allclose(listed["impulse"][0], orbit.impulses)
+    np.testing.assert_allclose(listed["energy_lost"][0], [contact.lost for contact in orbit.contacts])

@@ -12,7 +12,7 @@ from vibroimpact.backends.effects import Rests, forces_at
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, impact_speed, plain_variable, status_variable, variable
 from vibroimpact.model.balance import clearances
-from vibroimpact.model.elements import REPORTS, Element
+from vibroimpact.model.elements import REPORTS, reports_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -107,8 +107,8 @@ def _is_plain(samples: Any) -> bool:
 
 def _contacts(system: ImpactSystem, samples: Any) -> dict[str, Any]:
     """Return the quantities that stops of these kinds report for every contact."""
-    names = dict.fromkeys([*Element.reports, *(name for stop in system.stops for name in stop.element.reports)])
-    columns = {name: variable(name, "impact", getattr(samples, REPORTS[name].field)) for name in names}
+    fields = {name: REPORTS[name].field for name in reports_of(system.stops)}
+    columns = {name: variable(name, "impact", getattr(samples, field)) for name, field in fields.items()}
     angles = [math.nan if stop.angle is None else stop.angle for stop in system.stops]
     if np.isfinite(angles).any():
         columns["angle"] = variable("angle", "impact", np.array(angles)[samples.impact_stop])

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from vibroimpact.backends import TimesWindow
-from vibroimpact.backends.effects import Contact, States, contact_within
+from vibroimpact.backends.effects import States, contact_within
 from vibroimpact.backends.rests import rest_impulses
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import status_variable
 from vibroimpact.labels import taken_by_stops, trajectory_of
 from vibroimpact.model.balance import clearances
+from vibroimpact.model.elements import REPORTS, Contact
 from vibroimpact.model.force import Force, checked_force
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.parameters import hertz, invalid, real_number, several
@@ -147,7 +148,7 @@ class _Divided(NamedTuple):
 
     part: dict[str, Any]
     row: int
-    taken: Contact = Contact()
+    taken: Contact = Contact(*[0.0] * len(Contact._fields))
 
     def followed(self, stop: int, begin: float, end: float, within: Callable[..., Any]) -> _Divided | None:
         """Return the contact at the end of a span, in driving periods, after listing it; None if it is over by then."""
@@ -156,8 +157,8 @@ class _Divided(NamedTuple):
             more, over, pushes = within(stop, (begin, min(begin + length, end)))
             length *= 2.0
         taken = self.taken.joined(more)
-        for name, value in taken._asdict().items():
-            self.part[name].values[self.row] = math.nan if pushes else value
+        for name in REPORTS:
+            self.part[name].values[self.row] = math.nan if pushes else getattr(taken, name)
         return None if over else self._replace(taken=taken)
 
 

@@ -81,9 +81,10 @@ def simulate(
         `displacement` in m and `velocity` in m/s over `time` in s; `impact_time`, `impact_velocity` (dim `impact`, the
         speed just before contact); `stick_time`, `release_time` (dim `stick`, NaN if the mass has not left yet);
         `force` of the stop in N over `time`, while the mass rests at it or penetrates it; `impulse` in N s and
-        `energy_lost` in J of each impact; `stick_impulse` in N s of each rest, within the time of the samples; `status`. At the instant of an impact, the velocity is the one after it, and the force of the impact is not
-        included. Systems have `clearance` and `force` by `stop`, the stop of each impact and rest, and for compliant
-        stops `peak_force`, `contact_time` and `penetration`.
+        `energy_lost` in J of each impact; `stick_impulse` in N s of each rest, within the time of the samples;
+        `status`. At the instant of an impact, the velocity is the one after it, and `force` does not include it.
+        Systems have `clearance` and `force` by `stop`, the stop of each impact and rest, and for compliant stops
+        `peak_force`, `contact_time` and `penetration`.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -22,6 +22,7 @@ from scipy.optimize import brentq
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import block_matrix
 from vibroimpact.model.balance import stop_forces
+from vibroimpact.model.elements import Contact
 
 if TYPE_CHECKING:
     from vibroimpact.model.system import ImpactSystem
@@ -210,22 +211,6 @@ def panels_over(system: ImpactSystem, parts: Floats, rests: Rests, states: State
     return Panels(system, ends[order], *(np.nan * each if rates.too_long else each[order] for each in values))
 
 
-class Contact(NamedTuple):
-    """What a compliant stop takes: impulse in N s, loss in J, largest force in N, time in s, and penetration in m."""
-
-    impulse: float = 0.0
-    energy_lost: float = 0.0
-    peak_force: float = 0.0
-    contact_time: float = 0.0
-    penetration: float = 0.0
-
-    def joined(self, other: Contact) -> Contact:
-        """Return what both parts of one contact take together."""
-        sums, most = ("impulse", "energy_lost", "contact_time"), ("peak_force", "penetration")
-        fold = dict.fromkeys(sums, float.__add__) | dict.fromkeys(most, max)
-        return Contact(**{name: fold[name](getattr(self, name), getattr(other, name)) for name in self._fields})
-
-
 def contact_within(
     system: ImpactSystem, samples: Any, last: float, states: States, stop: int, span: tuple[float, float]
 ) -> tuple[Contact, bool, bool]:
@@ -242,7 +227,7 @@ def contact_within(
     pushes: Any = forces.any(axis=1)
     taken = Contact(
         impulse=panels.integral(forces),
-        energy_lost=panels.integral(forces * rates[within]),
+        lost=panels.integral(forces * rates[within]),
         peak_force=_largest(forces[pushes]),
         contact_time=system.period * float(np.diff(panels.ends)[pushes].sum()),
         penetration=_largest(depths[pushes]),

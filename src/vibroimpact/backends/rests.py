@@ -8,7 +8,6 @@ compliant stop is pressed in are integrated as contacts are.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
