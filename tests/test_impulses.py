@@ -12,6 +12,7 @@ from vibroimpact.backends.reference.systems import follow
 from vibroimpact.orbits.labelled import orbits_dataset
 
 NODES, WEIGHTS = legendre.leggauss(10)
+COURSE = "exit_time", "exit_velocity", "peak_force_time", "penetration_time"
 FINE = vi.Tolerances(chatter=1e-12)  # impulses of weaker impacts are in no table
 
 
@@ -144,8 +145,12 @@ def test_a_contact_that_a_switch_divides_is_one_contact_with_the_numbers_of_all_
     pieces = [(float(length), None) for length in np.diff([0.0, *cuts, 1.0])]
     motion = vi.simulate(model, start=vi.State(0.0, 3.0), pieces=pieces)
     whole = {"impulse": 12.0, "energy_lost": 0.0, "peak_force": 300.0, "contact_time": np.pi / 50, "penetration": 0.06}
-    for name in CONTACT:
-        np.testing.assert_allclose(motion[name], [whole[name]], rtol=1e-12, atol=1e-13, err_msg=name)
+    begin, middle, end = 1.0 / 6.0 + np.pi / 50.0 * np.array([0.0, 0.5, 1.0])
+    whole |= {"impact_time": begin, "exit_time": end, "impact_velocity": 3.0, "exit_velocity": 3.0}
+    for name, value in whole.items():
+        np.testing.assert_allclose(motion[name], [value], rtol=1e-12, atol=1e-13, err_msg=name)
+    for name in ("peak_force_time", "penetration_time"):
+        np.testing.assert_allclose(motion[name], [middle], rtol=1e-9, err_msg=name)
 
 
 @pytest.mark.long(but=6)
@@ -161,8 +166,49 @@ def test_where_a_load_is_divided_within_contacts_changes_none_of_their_numbers(s
     cuts = cuts[np.diff(cuts, prepend=0.0) > 1e-6]
     pieces = [(length, model.force) for length in np.diff([0.0, *cuts, 4.0 * model.period])]
     divided = vi.simulate(model, times=whole["time"].values, pieces=pieces)
-    for name in ("impact_time", "impact_velocity", *CONTACT):
-        np.testing.assert_allclose(divided[name], whole[name], rtol=1e-8, atol=1e-9, err_msg=name)
+    for name in ("impact_time", "impact_velocity", *CONTACT, *COURSE):
+        known = np.isfinite(whole[name]) if name in COURSE else slice(None)  # which NaN where the force begins again
+        np.testing.assert_allclose(divided[name][known], whole[name][known], rtol=1e-7, atol=1e-7, err_msg=name)
+
+
+@pytest.mark.parametrize("damping", [0.0, 20.0, 120.0])
+def test_a_free_mass_leaves_a_compliant_stop_with_the_restitution_of_its_damping(damping):
+    """The largest force of an overdamped stop is that of the damper where contact begins."""
+    stop = vi.Stop(direction=-1.0, gap=0.5, stiffness=5e3, damping=damping)
+    model = vi.ImpactSystem(mass=2.0, stiffness=0.0, stops=[stop])
+    hits = vi.simulate(model, start=vi.State(0.0, -3.0), duration=1.0).isel(impact=0)
+    r = vi.contact.restitution_of(damping, stiffness=5e3, mass=2.0)
+    assert hits["exit_velocity"].item() == pytest.approx(3.0 * r, rel=1e-9)
+    assert hits["exit_time"].item() == pytest.approx((hits["impact_time"] + hits["contact_time"]).item(), rel=1e-12)
+    first = hits["peak_force_time"].item() == pytest.approx(hits["impact_time"].item())
+    assert first == (damping == 120.0)
+    assert hits["impulse"].item() == pytest.approx(2.0 * 3.0 * (1.0 + r), rel=1e-9)
+
+
+@pytest.mark.long(but=8)
+@pytest.mark.parametrize("seed", range(40))
+def test_contacts_are_deepest_press_hardest_and_end_where_their_records_say(seed):
+    model, start = pressed(seed)
+    motion = vi.simulate(model, start=start, periods=2)
+    for name, value in (("peak_force_time", "peak_force"), ("penetration_time", "penetration")):
+        if name not in motion:
+            continue
+        known = np.flatnonzero(np.isfinite(motion[name].values))
+        times, order = np.unique(motion[name].values[known], return_inverse=True)
+        if not len(times):
+            continue
+        at = vi.simulate(model, start=start, times=times)
+        seen = at["force"] if value == "peak_force" else -at["clearance"]
+        for row, sample in zip(known, order.ravel(), strict=True):
+            hit = motion.isel(impact=row)
+            there = seen.isel(time=sample).sel(stop=hit["impact_stop"]).item()
+            jumps = np.abs(motion["impact_time"] - hit[name]).min() < 1e-9  # of the rate, with the force of dampers
+            assert jumps or there == pytest.approx(hit[value].item(), rel=1e-6, abs=1e-9)
+    rigid = np.isin(motion["impact_stop"], [stop.name for stop in model.stops if not stop.compliant])
+    alone = rigid & (motion.sizes["stick"] == 0)
+    r = {stop.name: stop.restitution for stop in model.stops}
+    speeds = motion["impact_velocity"].values * [r[name] or 0.0 for name in motion["impact_stop"].values]
+    np.testing.assert_allclose(motion["exit_velocity"][alone], speeds[alone], rtol=1e-9, atol=1e-12)
 
 
 PAIR = vi.ImpactSystem(

@@ -20,6 +20,15 @@ if TYPE_CHECKING:
     from vibroimpact.model.system import ImpactSystem
 
 
+# The variables of how contacts go.
+COURSES = {
+    "exit": "exit_time",
+    "exit_velocity": "exit_velocity",
+    "peak": "peak_force_time",
+    "deepest": "penetration_time",
+}
+
+
 def in_seconds(model: Any, periods: Any, phase: Any) -> Any:
     """Return times in s from whole driving periods and phases."""
     return (periods + phase) * model.period
@@ -53,8 +62,10 @@ def trajectory_of(samples: Any, model: Any) -> dict[str, xr.Variable]:
     return motion | stops | impacts | contacts | _rests(model, samples)
 
 
-def taken_by_stops(samples: Any, model: Any, impulses: Floats) -> dict[str, xr.Variable]:
-    """Return what stops take: forces over time, and the impulse of each rest, which is given.
+def taken_by_stops(
+    samples: Any, model: Any, impulses: Floats, courses: dict[str, Floats] | None = None
+) -> dict[str, xr.Variable]:
+    """Return what stops take: forces over time; the impulses of rests and the courses of contacts, which are given.
 
     The force of a rigid stop is that of a rest, and zero otherwise: an impact on it has an impulse but no force.
     """
@@ -66,20 +77,37 @@ def taken_by_stops(samples: Any, model: Any, impulses: Floats) -> dict[str, xr.V
     if _is_plain(samples):
         speeds = samples.impact_velocity
         return taken | {"force": variable("force", "time", forces[:, 0])} | impulses_of(model, speeds)
-    return taken | {"force": variable("force", ("time", "stop"), forces)}
+    return taken | {"force": variable("force", ("time", "stop"), forces)} | _courses(model, courses or {})
 
 
 def impulses_of(oscillator: Any, speeds: Floats) -> dict[str, xr.Variable]:
     """Return impulses and energies lost of impacts of one mass on its stop, at speeds in m/s."""
     mass, r = oscillator.mass, oscillator.restitution
     columns = {"impulse": mass * (1.0 + r) * speeds, "energy_lost": energy_loss(mass, r) * speeds**2}
+    columns["exit_velocity"] = r * speeds
     return {name: variable(name, "impact", column) for name, column in columns.items()}
 
 
-def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str], impulses: Floats | None = None) -> xr.Dataset:
+def _courses(system: ImpactSystem, courses: dict[str, Floats]) -> dict[str, xr.Variable]:
+    """Return how contacts go: speeds, and times in s if a stop is compliant."""
+    soft, columns = any(stop.compliant for stop in system.stops), {}
+    for key, name in COURSES.items():
+        if key in courses and (soft or key == "exit_velocity"):
+            values = courses[key] * (1.0 if key == "exit_velocity" else system.period)
+            columns[name] = variable(name, "impact", values)
+    return columns
+
+
+def labelled_impacts(
+    samples: Any,
+    model: Any,
+    attrs: dict[str, str],
+    impulses: Floats | None = None,
+    courses: dict[str, Floats] | None = None,
+) -> xr.Dataset:
     """Return the impacts in a window, as `impact_section` does: times, phases, stops, velocities and effects.
 
-    `impulses` are those of the rests.
+    `impulses` are those of the rests, `courses` how contacts go.
     """
     columns = {
         "time": variable("time", "impact", in_seconds(model, samples.impact_periods, samples.impact_phase)),
@@ -90,6 +118,7 @@ def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str], impulses: 
         several = {"long_name": "whether other stops are struck at the same instant"}
         columns |= {
             **_contacts(model, samples),
+            **_courses(model, courses or {}),
             "stop": _stops(model, "impact", samples.impact_stop, "stop that is struck"),
             "simultaneous": plain_variable("impact", samples.impact_simultaneous, several),
         }

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from vibroimpact.backends import TimesWindow
-from vibroimpact.backends.effects import States, contact_within
+from vibroimpact.backends.courses import Course, contact_within, courses_of
+from vibroimpact.backends.effects import States
 from vibroimpact.backends.rests import rest_impulses
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import status_variable
-from vibroimpact.labels import taken_by_stops, trajectory_of
+from vibroimpact.labels import COURSES, taken_by_stops, trajectory_of
 from vibroimpact.model.balance import clearances
 from vibroimpact.model.elements import REPORTS, Contact
 from vibroimpact.model.force import Force, checked_force
@@ -30,7 +31,7 @@ SAME = 1e-9  # periods: events that are so near the end of a piece are at its en
 # What one mass with one stop is described by, neither of which needs a name.
 PLAIN = (
     "time", "displacement", "velocity", "impact_time", "impact_velocity", "stick_time", "release_time",
-    "stick_impulse", "force", "impulse", "energy_lost",
+    "stick_impulse", "force", "impulse", "energy_lost", "exit_velocity",
 )  # fmt: skip
 BRIEF = 2.0**-6  # driving periods, in which the end of a divided contact is sought first
 
@@ -86,7 +87,9 @@ class Pieces:
             samples = run.samples_of(system, cells, TimesWindow.of(turns[1:], turns[0]))
             states = run.states(system, cells, now, float(turns[-1] - turns[0]))
             impulses = rest_impulses(system, samples, -math.inf, float(turns[-1]), states)
-            part = trajectory_of(samples, system) | taken_by_stops(samples, system, impulses)
+            part = trajectory_of(samples, system) | taken_by_stops(
+                samples, system, impulses, courses_of(system, samples, states)
+            )
             seconds = as_given(part["time"].values, looks)
             part["time"] = part["time"].copy(data=seconds)
             kept = {name: each[: len(own)] if each.dims[0] == "time" else each for name, each in part.items()}
@@ -149,17 +152,24 @@ class _Divided(NamedTuple):
     part: dict[str, Any]
     row: int
     taken: Contact = Contact(*[0.0] * len(Contact._fields))
+    course: Course = Course()
 
     def followed(self, stop: int, begin: float, end: float, within: Callable[..., Any]) -> _Divided | None:
         """Return the contact at the end of a span, in driving periods, after listing it; None if it is over by then."""
         length, over = BRIEF, False
         while not over and length < 2.0 * (end - begin) + BRIEF:
-            more, over, pushes = within(stop, (begin, min(begin + length, end)))
+            more, goes, over, pushes = within(stop, (begin, min(begin + length, end)))
             length *= 2.0
-        taken = self.taken.joined(more)
-        for name in REPORTS:
-            self.part[name].values[self.row] = math.nan if pushes else getattr(taken, name)
-        return None if over else self._replace(taken=taken)
+        taken, course = self.taken.joined(more), self.course
+        if more.contact_time:
+            peak = goes.peak if more.peak_force > self.taken.peak_force else course.peak
+            deepest = goes.deepest if more.penetration > self.taken.penetration else course.deepest
+            course = Course(goes.exit, goes.exit_velocity, peak, deepest)
+        values = {name: getattr(taken, name) for name in REPORTS}
+        values |= {COURSES[name]: value for name, value in course._asdict().items()}
+        for name, value in values.items():
+            self.part[name].values[self.row] = math.nan if pushes else value
+        return None if over else self._replace(taken=taken, course=course)
 
 
 def _divided(

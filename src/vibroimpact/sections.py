@@ -21,6 +21,7 @@ from vibroimpact.backends import (
     check_takes,
     get_backend,
 )
+from vibroimpact.backends.courses import courses_of
 from vibroimpact.backends.effects import States
 from vibroimpact.backends.rests import rest_impulses
 from vibroimpact.cells import Floats
@@ -102,10 +103,10 @@ class Followed:
 
         return states
 
-    def rest_impulses(self, samples: Any, window: Window, skips: bool = True) -> Floats:
-        """Return the impulse in N s of each rest in the samples in a window, from the first to the last of these.
+    def taken(self, samples: Any, window: Window, skips: bool = True) -> tuple[Floats, dict[str, Floats]]:
+        """Return the impulse in N s of each rest in the samples in a window, within their time, and how contacts go.
 
-        If it `skips` nothing, what comes before the first one counts.
+        If it `skips` nothing, what comes before the first sample counts.
         """
         if isinstance(window, ImpactWindow):
             times, length = samples.impact_periods + samples.impact_phase, float(window.transient + window.keep)
@@ -114,7 +115,8 @@ class Followed:
         first, last = (float(times[0]), float(times[-1])) if len(times) else (math.inf, -math.inf)
         states = self.states(self.design, self.cells, self.begin, length)
         system = getattr(self.design, "system", self.design)
-        return rest_impulses(system, samples, first if skips else -math.inf, last, states)
+        impulses = rest_impulses(system, samples, first if skips else -math.inf, last, states)
+        return impulses, courses_of(system, samples, states)
 
     def check_cost(self, window: Window) -> None:
         """Raise if memory cannot hold the samples, or if fixed steps would take too long."""
@@ -231,7 +233,7 @@ def impact_section(
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     samples = orbit.samples(window)
     how = orbit.provenance("impact_section", transient_impacts=window.transient, sample_impacts=window.keep)
-    return labelled_impacts(samples, orbit.design, how, orbit.rest_impulses(samples, window))
+    return labelled_impacts(samples, orbit.design, how, *orbit.taken(samples, window))
 
 
 def stroboscopic_section(

@@ -21,8 +21,7 @@ from scipy.optimize import brentq
 
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import block_matrix
-from vibroimpact.model.balance import stop_forces
-from vibroimpact.model.elements import Contact
+from vibroimpact.model.balance import depth_of, stop_forces
 
 if TYPE_CHECKING:
     from vibroimpact.model.system import ImpactSystem
@@ -95,9 +94,8 @@ class Panels:
 
     def depth(self, stop: int) -> tuple[Floats, Floats]:
         """Return how deep a stop is penetrated in m at the nodes, and its rate in m/s."""
-        wall, angles = self.system.stops[stop], angles_of(_nodes(self.ends))
-        depth = self.q @ wall.direction - wall.gap - wall.shift(angles)
-        return depth, self.v @ wall.direction - wall.speed(angles, self.system.omega)
+        angles = angles_of(nodes_of(self.ends))
+        return depth_of(self.system.stops[stop], self.system.omega, self.q, self.v, angles)
 
     def velocity(self, at: int, end: float) -> Any:
         """Return the velocity at the beginning (-1) or at the end (1) of a panel, before the event there."""
@@ -123,7 +121,8 @@ class Panels:
         return sorted(places)
 
 
-def _nodes(ends: Floats) -> Floats:
+def nodes_of(ends: Floats) -> Floats:
+    """Return the nodes of panels in driving periods, one row each."""
     nodes: Floats = ends.mean(axis=1)[:, None] + 0.5 * np.diff(ends) * NODES
     return nodes
 
@@ -195,7 +194,7 @@ def panels_over(system: ImpactSystem, parts: Floats, rests: Rests, states: State
     rates, done = Rates(system), []
     ends = _divided(parts, [rates.places(each) for each in parts])
     for left in reversed(range(ROUNDS)):
-        turns = _nodes(ends)
+        turns = nodes_of(ends)
         q, v = states(turns.ravel()) if len(ends) else np.zeros((2, 0, system.coordinates))
         forces = forces_at(system, rests, turns.ravel(), q, v)
         panels = Panels(system, ends, *(part.reshape(*turns.shape, part.shape[-1]) for part in (q, v, forces)))
@@ -209,36 +208,3 @@ def panels_over(system: ImpactSystem, parts: Floats, rests: Rests, states: State
     ends, *values = (np.concatenate([getattr(each, name) for each in done]) for name in names)
     order = np.argsort(ends[:, 0])
     return Panels(system, ends[order], *(np.nan * each if rates.too_long else each[order] for each in values))
-
-
-def contact_within(
-    system: ImpactSystem, samples: Any, last: float, states: States, stop: int, span: tuple[float, float]
-) -> tuple[Contact, bool, bool]:
-    """Return what a compliant stop takes in a contact within a span, whether it is over, and else whether it pushes.
-
-    The stop is touched or pressed in where the span, in driving periods, begins.
-    """
-    rests = Rests(samples, last)
-    panels = panels_over(system, parts_of([span], system, samples, rests), rests, states)
-    depths, rates = panels.depth(stop)
-    free: Any = np.flatnonzero(depths.mean(axis=1) < 0.0)
-    within = slice(free[0] if len(free) else None)
-    panels, depths, forces = panels[within], depths[within], panels.forces[within, :, stop]
-    pushes: Any = forces.any(axis=1)
-    taken = Contact(
-        impulse=panels.integral(forces),
-        lost=panels.integral(forces * rates[within]),
-        peak_force=_largest(forces[pushes]),
-        contact_time=system.period * float(np.diff(panels.ends)[pushes].sum()),
-        penetration=_largest(depths[pushes]),
-    )
-    return taken, len(free) > 0, not len(free) and bool(pushes[-1:].any())
-
-
-def _largest(values: Floats) -> float:
-    """Return the largest value in panels, from values at their nodes; 0 if there are none."""
-    most = 0.0
-    for series in values @ FIT.T:
-        places = [-1.0, *_roots(legendre.legder(series)), 1.0]
-        most = max(most, *legendre.legval(np.array(places), series).tolist())
-    return most

@@ -10,6 +10,7 @@ import numpy as np
 from vibroimpact.cells import BEYOND, Floats
 
 if TYPE_CHECKING:
+    from vibroimpact.model.stops import Stop
     from vibroimpact.model.system import ImpactSystem
 
 
@@ -23,6 +24,11 @@ def clearances(system: ImpactSystem, q: Floats, angle: Floats) -> Floats:
         u[..., at] = stop.gap + stop.shift(angle) - q @ stop.direction
     rounding = BEYOND * np.abs(q).max(initial=1e-300)
     return np.where((u < 0.0) & (u > -rounding), 0.0, u)
+
+
+def depth_of(stop: Stop, omega: float, q: Floats, v: Floats, angle: Floats) -> tuple[Floats, Floats]:
+    """Return how deep a stop is penetrated in m in states q, v at driving angles, and the rate of that in m/s."""
+    return q @ stop.direction - stop.gap - stop.shift(angle), v @ stop.direction - stop.speed(angle, omega)
 
 
 def accelerations(system: ImpactSystem, q: Floats, v: Floats, angle: Floats, forces: Floats) -> Floats:
