@@ -204,8 +204,9 @@ def impact_section(
     -------
     xarray.Dataset
         `time` in s, `phase` (t mod T)/T in [0, 1), `velocity` in m/s just before contact, > 0, `impulse` in N s,
-        `energy_lost` in J (dim `impact`, fewer rows if impacts cease); `stick_time`, `release_time` and `stick_impulse`
-        in N s (dim `stick`) from the first to the last of them; `status`.
+        `energy_lost` in J, `exit_velocity` in m/s (dim `impact`, fewer rows if impacts cease); `stick_time`,
+        `release_time` and `stick_impulse` in N s (dim `stick`) from the first to the last of them; `status`. Systems
+        have more columns, as in `simulate`.
 
     Raises
     ------

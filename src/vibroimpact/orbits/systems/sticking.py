@@ -161,16 +161,17 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _History:
         times[within],
         tuple(names[stop] for stop in samples.impact_stop[within]),
         samples.impact_velocity[within],
-        tuple(Contact(*row) for row in _contacts(samples)[within].tolist()),
+        _contacts(samples, within),
         tuple(rests),
         _beside_centre(system, samples.look_displacement),
     )
 
 
-def _contacts(samples: Any) -> Floats:
-    """Return the numbers of contacts, one row per impact."""
+def _contacts(samples: Any, which: Any) -> tuple[Contact, ...]:
+    """Return the contacts of some impacts; the NaN of rigid stops is the one of `Contact`, so that they are equal."""
     columns = samples.impact_impulse, samples.impact_duration, samples.impact_force, samples.impact_depth
-    return np.column_stack([*columns, samples.impact_energy])
+    rows = np.column_stack([*columns, samples.impact_energy])[which].tolist()
+    return tuple(Contact(*(math.nan if math.isnan(number) else number for number in row)) for row in rows)
 
 
 def _quiet_state(history: _History, carrier: Carrier, state: State, period: float, n_periods: int) -> State:
