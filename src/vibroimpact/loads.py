@@ -157,9 +157,9 @@ class _Divided(NamedTuple):
     def followed(self, stop: int, begin: float, end: float, within: Callable[..., Any]) -> _Divided | None:
         """Return the contact at the end of a span, in driving periods, after listing it; None if it is over by then."""
         length, over = BRIEF, False
-        while not over and length < 2.0 * (end - begin) + BRIEF:
+        while not over and length < 4.0 * (end - begin) + BRIEF:
             more, goes, over, pushes = within(stop, (begin, min(begin + length, end)))
-            length *= 2.0
+            length *= 4.0
         taken, course = self.taken.joined(more), self.course
         if more.contact_time:
             peak = goes.peak if more.peak_force > self.taken.peak_force else course.peak

@@ -109,7 +109,7 @@ def simulate(
 
     Impulses of rests and of divided contacts are integrated to 1e-10 from exact states. For these and for the times of
     contacts, systems of several coordinates or with compliant stops are followed again, which takes some 0.1 ms per
-    contact. What a divided contact comes to is NaN if it lasts longer than 1e5 rad of the fastest rate.
+    contact. What a divided contact comes to is NaN if it lasts longer than 20,000 rad of the fastest rate.
 
     References
     ----------

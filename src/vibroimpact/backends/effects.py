@@ -30,8 +30,9 @@ NODES, WEIGHTS = legendre.leggauss(12)
 FIT = np.linalg.inv(legendre.legvander(NODES, len(NODES) - 1))  # the series through values at the nodes
 LONGEST = 1.0  # rad of the fastest rate per panel
 EDGE = 1e-9  # of a panel: a force that begins or ends so near its end does so at its end
+INSIDE = legendre.legvander(np.concatenate([[EDGE - 1.0], NODES, [1.0 - EDGE]]), len(NODES) - 1)
 SHORT = 1e-13  # driving periods: shorter parts are rounding
-MOST = 100_000  # rad of the fastest rate per part: what takes longer is NaN
+MOST = 20_000  # rad of the fastest rate per part: what takes longer is NaN
 ROUNDS = 8  # of dividing panels; the error of such a place is about squared in each
 
 States = Callable[[Floats], tuple[Floats, Floats]]  # coordinates and velocities, one row per time in driving periods
@@ -110,6 +111,19 @@ class Panels:
                 depth, rate = self.depth(at)
                 levels[at] = depth @ FIT.T, ((stop.stiffness or 0.0) * depth + (stop.damping or 0.0) * rate) @ FIT.T
         return levels
+
+    def divides(self, rates: Rates) -> NDArray[np.bool_]:
+        """Return which panels may have to be divided."""
+        pushing = np.array([self.forces[..., stop].any(axis=1) for stop in self._levels], bool).reshape(
+            -1, len(self.ends)
+        )
+        sets, which = np.unique(pushing, axis=1, return_inverse=True)
+        stops = np.array([*self._levels], int)
+        fastest = np.array([rates[tuple(stops[each].tolist())] for each in sets.T])[which.ravel()]
+        divides: NDArray[np.bool_] = np.diff(self.ends)[:, 0] * fastest > LONGEST * (1.0 + EDGE)
+        for series in (each for pair in self._levels.values() for each in pair):
+            divides |= (np.diff(np.sign(series @ INSIDE.T)) != 0.0).any(axis=1)
+        return divides
 
     def cuts(self, at: int, rates: Rates) -> list[float]:
         """Return where a panel must be divided, in fractions of it."""
@@ -198,7 +212,8 @@ def panels_over(system: ImpactSystem, parts: Floats, rests: Rests, states: State
         q, v = states(turns.ravel()) if len(ends) else np.zeros((2, 0, system.coordinates))
         forces = forces_at(system, rests, turns.ravel(), q, v)
         panels = Panels(system, ends, *(part.reshape(*turns.shape, part.shape[-1]) for part in (q, v, forces)))
-        cuts = [panels.cuts(at, rates) if left else [] for at in range(len(ends))]
+        divides = panels.divides(rates) & (left > 0) if len(ends) else ()
+        cuts = [panels.cuts(at, rates) if each else [] for at, each in enumerate(divides)]
         whole = np.array([not places for places in cuts], bool)
         done.append(panels[whole])
         ends = _divided(ends[~whole], [places for places in cuts if places])
