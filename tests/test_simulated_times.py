@@ -8,7 +8,7 @@ import pytest
 
 import vibroimpact as vi
 from dop853 import Compliant, Rigid, march
-from systems import a_random_machine, drawn
+from systems import CONTACT, a_random_machine, drawn
 from vibroimpact.report import attractor_sentences, sentences_of
 
 GROUND = vi.Stop(direction=-1.0, gap=1.0, restitution=0.5)
@@ -23,9 +23,10 @@ def states(motion):
 
 
 def assert_same(one, other, within=1e-9):
-    """Samples are equal to rounding and its growth; impacts and rests in number, time and size."""
+    """Samples are equal to rounding and its growth; impacts, contacts and rests in number, time and size."""
     np.testing.assert_allclose(states(one), states(other), atol=within * (1.0 + np.abs(states(other)).max()))
-    for name in ("impact_time", "impact_velocity", "stick_time", "release_time"):
+    columns = "impact_time", "impact_velocity", "stick_time", "release_time", "stick_impulse", *CONTACT
+    for name in (name for name in columns if name in other):
         np.testing.assert_allclose(one[name], other[name], rtol=1e-6, atol=1e-7, err_msg=name)
     assert one["status"] == other["status"]
 

@@ -56,6 +56,21 @@ def test_rebounds_within_the_rest_time_are_one_burst():
         assert found["bursts"].item() == 1 + int((flights[1:] >= rest_time).sum())
 
 
+@pytest.mark.parametrize("frequency", [3.0, 3.5, 4.0])
+def test_a_table_carries_the_weight_of_a_ball_in_impacts_and_rests_together(frequency):
+    """The table throws a ball of 2 kg up once per period and catches it, by an inelastic impact or after a chatter."""
+    table = vi.Stop(direction=-1.0, gap=0.0, restitution=0.2, motion={1: 0.03}, name="table")
+    weight = vi.Force(frequency=frequency, constant=-2.0 * 9.81)
+    ball = vi.ImpactSystem(mass=2.0, stiffness=0.0, force=weight, stops=[table])
+    for motion in (vi.simulate(ball, skip_periods=20, periods=30), vi.impact_section(ball)):
+        found = vi.impact_statistics(motion)
+        assert 0.0 < found["rest_fraction"].item() < 1.0
+        carried = found["rest_force"].item() + found["mean_force"].item()
+        assert carried == pytest.approx(2.0 * 9.81, rel=1e-5)
+    names = "rest_force", "mean_force"
+    assert {found[name].attrs["units"] for name in names} == {"N"}
+
+
 def test_contacts_with_compliant_stops_give_their_impulse_force_and_time():
     """Undamped: each contact turns the momentum round, lasts pi sqrt(m/k) and reaches v sqrt(k m)."""
     pair = [vi.Stop(direction=a, gap=0.5, stiffness=4e4, name=name) for a, name in ((1.0, "right"), (-1.0, "left"))]

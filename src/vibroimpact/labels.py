@@ -7,14 +7,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.cells import BEYOND
+from vibroimpact.backends.base import energy_loss
+from vibroimpact.backends.effects import Rests, forces_at
+from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, impact_speed, plain_variable, status_variable, variable
-from vibroimpact.model.elements import REPORTS, Element
+from vibroimpact.model.balance import clearances
+from vibroimpact.model.elements import REPORTS, reports_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from vibroimpact.model.system import ImpactSystem
+
+
+# The variables of how contacts go.
+COURSES = {
+    "exit": "exit_time",
+    "exit_velocity": "exit_velocity",
+    "peak": "peak_force_time",
+    "deepest": "penetration_time",
+}
 
 
 def in_seconds(model: Any, periods: Any, phase: Any) -> Any:
@@ -38,10 +50,9 @@ def trajectory_of(samples: Any, model: Any) -> dict[str, xr.Variable]:
     }
     if _is_plain(samples):
         return motion | impacts | _rests(model, samples)
-    clearances = _clearances(model, samples)
+    u = clearances(model, samples.look_displacement, 2.0 * np.pi * samples.look_phase)
     stops = {
-        "clearance": variable("clearance", ("time", "stop"), clearances),
-        **_forces(model, samples, clearances),
+        "clearance": variable("clearance", ("time", "stop"), u),
         "stop": plain_variable("stop", np.array(model.stop_names, str), {"long_name": "stop"}),
     }
     contacts = {
@@ -51,8 +62,53 @@ def trajectory_of(samples: Any, model: Any) -> dict[str, xr.Variable]:
     return motion | stops | impacts | contacts | _rests(model, samples)
 
 
-def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str]) -> xr.Dataset:
-    """Return the impacts in a window, as `impact_section` does: their times, phases, stops and velocities."""
+def taken_by_stops(
+    samples: Any, model: Any, impulses: Floats, courses: dict[str, Floats] | None = None
+) -> dict[str, xr.Variable]:
+    """Return what stops take: forces over time; the impulses of rests and the courses of contacts, which are given.
+
+    The force of a rigid stop is that of a rest, and zero otherwise: an impact on it has an impulse but no force.
+    """
+    system, turns = getattr(model, "system", model), samples.look_periods + samples.look_phase
+    shape, rests = (len(turns), system.coordinates), Rests(samples, math.inf)
+    q, v = samples.look_displacement.reshape(shape), samples.look_velocity.reshape(shape)
+    forces = forces_at(system, rests, turns, q, v)
+    taken = {"stick_impulse": variable("stick_impulse", "stick", impulses)}
+    if _is_plain(samples):
+        speeds = samples.impact_velocity
+        return taken | {"force": variable("force", "time", forces[:, 0])} | impulses_of(model, speeds)
+    return taken | {"force": variable("force", ("time", "stop"), forces)} | _courses(model, courses or {})
+
+
+def impulses_of(oscillator: Any, speeds: Floats) -> dict[str, xr.Variable]:
+    """Return impulses and energies lost of impacts of one mass on its stop, at speeds in m/s."""
+    mass, r = oscillator.mass, oscillator.restitution
+    columns = {"impulse": mass * (1.0 + r) * speeds, "energy_lost": energy_loss(mass, r) * speeds**2}
+    columns["exit_velocity"] = r * speeds
+    return {name: variable(name, "impact", column) for name, column in columns.items()}
+
+
+def _courses(system: ImpactSystem, courses: dict[str, Floats]) -> dict[str, xr.Variable]:
+    """Return how contacts go: speeds, and times in s if a stop is compliant."""
+    soft, columns = any(not stop.element.instantaneous for stop in system.stops), {}
+    for key, name in COURSES.items():
+        if key in courses and (soft or key == "exit_velocity"):
+            values = courses[key] * (1.0 if key == "exit_velocity" else system.period)
+            columns[name] = variable(name, "impact", values)
+    return columns
+
+
+def labelled_impacts(
+    samples: Any,
+    model: Any,
+    attrs: dict[str, str],
+    impulses: Floats | None = None,
+    courses: dict[str, Floats] | None = None,
+) -> xr.Dataset:
+    """Return the impacts in a window, as `impact_section` does: times, phases, stops, velocities and effects.
+
+    `impulses` are those of the rests, `courses` how contacts go.
+    """
     columns = {
         "time": variable("time", "impact", in_seconds(model, samples.impact_periods, samples.impact_phase)),
         "phase": phase_variable("impact", samples.impact_phase, model),
@@ -62,11 +118,15 @@ def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str]) -> xr.Data
         several = {"long_name": "whether other stops are struck at the same instant"}
         columns |= {
             **_contacts(model, samples),
+            **_courses(model, courses or {}),
             "stop": _stops(model, "impact", samples.impact_stop, "stop that is struck"),
             "simultaneous": plain_variable("impact", samples.impact_simultaneous, several),
         }
+    else:
+        columns |= impulses_of(model, samples.impact_velocity)
+    taken = {} if impulses is None else {"stick_impulse": variable("stick_impulse", "stick", impulses)}
     status = {"status": status_variable((), samples.status)}
-    return dataset_of(columns | _rests(model, samples) | status, attrs=attrs)
+    return dataset_of(columns | _rests(model, samples) | taken | status, attrs=attrs)
 
 
 def phase_variable(dims: Any, phases: Any, model: Any) -> xr.Variable:
@@ -84,8 +144,8 @@ def _is_plain(samples: Any) -> bool:
 
 def _contacts(system: ImpactSystem, samples: Any) -> dict[str, Any]:
     """Return the quantities that stops of these kinds report for every contact."""
-    names = dict.fromkeys([*Element.reports, *(name for stop in system.stops for name in stop.element.reports)])
-    columns = {name: variable(name, "impact", getattr(samples, REPORTS[name].field)) for name in names}
+    fields = {name: REPORTS[name].field for name in reports_of(system.stops)}
+    columns = {name: variable(name, "impact", getattr(samples, field)) for name, field in fields.items()}
     angles = [math.nan if stop.angle is None else stop.angle for stop in system.stops]
     if np.isfinite(angles).any():
         columns["angle"] = variable("angle", "impact", np.array(angles)[samples.impact_stop])
@@ -105,24 +165,3 @@ def _rests(model: Any, samples: Any) -> dict[str, Any]:
 def _stops(system: ImpactSystem, dim: str, numbers: Any, long_name: str) -> Any:
     names = np.array(system.stop_names or [""], str)
     return plain_variable(dim, names[numbers], {"long_name": long_name})
-
-
-def _forces(system: ImpactSystem, samples: Any, clearances: Any) -> dict[str, Any]:
-    """Return the forces of all stops at the sampled times; NaN for stops whose impacts take no time."""
-    if all(stop.element.instantaneous for stop in system.stops):
-        return {}
-    forces, angle = [], 2.0 * np.pi * samples.look_phase
-    for stop, clearance in zip(system.stops, clearances.T, strict=True):
-        rate = samples.look_velocity @ stop.direction - stop.speed(angle, system.omega)
-        forces.append(stop.element.force(-clearance, rate))
-    return {"force": variable("force", ("time", "stop"), np.column_stack(forces))}
-
-
-def _clearances(system: ImpactSystem, samples: Any) -> Any:
-    """Return the clearances of all stops at the sampled times; a penetration of rounding size is contact."""
-    angle = 2.0 * np.pi * samples.look_phase
-    clearances = np.empty((len(angle), len(system.stops)))
-    for at, stop in enumerate(system.stops):
-        clearances[:, at] = stop.gap + stop.shift(angle) - samples.look_displacement @ stop.direction
-    rounding = BEYOND * np.abs(samples.look_displacement).max(initial=1e-300)
-    return np.where((clearances < 0.0) & (clearances > -rounding), 0.0, clearances)

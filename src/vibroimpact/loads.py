@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from vibroimpact.backends import TimesWindow
+from vibroimpact.backends.courses import Course, contact_within, courses_of
+from vibroimpact.backends.effects import States
+from vibroimpact.backends.rests import rest_impulses
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import status_variable
-from vibroimpact.labels import trajectory_of
+from vibroimpact.labels import COURSES, taken_by_stops, trajectory_of
+from vibroimpact.model.balance import clearances
+from vibroimpact.model.elements import REPORTS, Contact
 from vibroimpact.model.force import Force, checked_force
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.parameters import hertz, invalid, real_number, several
@@ -21,7 +29,11 @@ if TYPE_CHECKING:
 
 SAME = 1e-9  # periods: events that are so near the end of a piece are at its end
 # What one mass with one stop is described by, neither of which needs a name.
-PLAIN = "time", "displacement", "velocity", "impact_time", "impact_velocity", "stick_time", "release_time"
+PLAIN = (
+    "time", "displacement", "velocity", "impact_time", "impact_velocity", "stick_time", "release_time",
+    "stick_impulse", "force", "impulse", "energy_lost", "exit_velocity",
+)  # fmt: skip
+BRIEF = 2.0**-6  # driving periods, in which the end of a divided contact is sought first
 
 
 @dataclass(frozen=True)
@@ -66,13 +78,18 @@ class Pieces:
         now, cells = self.begin, self.systems[0].cells({}, run.start)
         parts: list[dict[str, Any]] = []
         statuses: list[Status] = []
+        divided: dict[int, _Divided] = {}
         for end, system in zip(self.ends, self.systems, strict=True):
             until = times <= end if end == self.ends[-1] else times < end
             own = times[(times >= now) & until]
             looks = own if len(own) and own[-1] == end else np.append(own, end)
             turns = hertz(np.array([now, *looks]) * system.omega)
             samples = run.samples_of(system, cells, TimesWindow.of(turns[1:], turns[0]))
-            part = trajectory_of(samples, system)
+            states = run.states(system, cells, now, float(turns[-1] - turns[0]))
+            impulses = rest_impulses(system, samples, -math.inf, float(turns[-1]), states)
+            part = trajectory_of(samples, system) | taken_by_stops(
+                samples, system, impulses, courses_of(system, samples, states)
+            )
             seconds = as_given(part["time"].values, looks)
             part["time"] = part["time"].copy(data=seconds)
             kept = {name: each[: len(own)] if each.dims[0] == "time" else each for name, each in part.items()}
@@ -82,6 +99,7 @@ class Pieces:
             statuses.append(Status(samples.status))
             if len(seconds) < len(looks):
                 break
+            divided = _divided(divided, kept, system, samples, turns, states)
             now, stops = float(seconds[-1]), samples.rest_stop[np.isnan(samples.rest_end).any(axis=1)]
             state = _held(system, samples.look_displacement[-1], samples.look_velocity[-1], now, stops)
             following = self.systems[min(len(parts), len(self.systems) - 1)]
@@ -128,6 +146,48 @@ def _held(system: ImpactSystem, q: Floats, v: Floats, time: float, stops: Any) -
     return q + place, v + rate
 
 
+class _Divided(NamedTuple):
+    """A contact that a switch divides: its row in the part in which it begins, and what it has taken so far."""
+
+    part: dict[str, Any]
+    row: int
+    taken: Contact = Contact(*[0.0] * len(Contact._fields))
+    course: Course = Course()
+
+    def followed(self, stop: int, begin: float, end: float, within: Callable[..., Any]) -> _Divided | None:
+        """Return the contact at the end of a span, in driving periods, after listing it; None if it is over by then."""
+        length, over = BRIEF, False
+        while not over and length < 4.0 * (end - begin) + BRIEF:
+            more, goes, over, pushes = within(stop, (begin, min(begin + length, end)))
+            length *= 4.0
+        taken, course = self.taken.joined(more), self.course
+        if more.contact_time:
+            peak = goes.peak if more.peak_force > self.taken.peak_force else course.peak
+            deepest = goes.deepest if more.penetration > self.taken.penetration else course.deepest
+            course = Course(goes.exit, goes.exit_velocity, peak, deepest)
+        values = {name: getattr(taken, name) for name in REPORTS}
+        values |= {COURSES[name]: value for name, value in course._asdict().items()}
+        for name, value in values.items():
+            self.part[name].values[self.row] = math.nan if pushes else value
+        return None if over else self._replace(taken=taken, course=course)
+
+
+def _divided(
+    before: dict[int, _Divided], part: dict[str, Any], system: ImpactSystem, samples: Any, turns: Floats, states: States
+) -> dict[int, _Divided]:
+    """Return the contacts that go on at the end of a piece, by stop; what they have taken is listed."""
+    begin, end = turns[[0, -1]].tolist()
+    within = partial(contact_within, system, samples, end, states)
+    after = {stop: contact.followed(stop, begin, end, within) for stop, contact in before.items()}
+    impacts, angle = samples.impact_periods + samples.impact_phase, np.array(2.0 * np.pi * samples.look_phase[-1])
+    u = clearances(system, samples.look_displacement[-1], angle).tolist()
+    for stop in (at for at, each in enumerate(system.stops) if not each.element.impenetrable and u[at] < 0.0):
+        rows = np.flatnonzero((samples.impact_stop == stop) & (impacts < end - SAME))
+        if after.get(stop) is None and len(rows):
+            after[stop] = _Divided(part, int(rows[-1])).followed(stop, float(impacts[rows[-1]]), end, within)
+    return {stop: contact for stop, contact in after.items() if contact is not None}
+
+
 def _carry_on(before: dict[str, Any], after: dict[str, Any], now: float, near: float) -> None:
     """Join the rests and contacts of the pieces before and after a switch; events nearer than `near` are at it."""
     begin, release = after["stick_time"].values.copy(), before["release_time"].values.copy()
@@ -136,6 +196,7 @@ def _carry_on(before: dict[str, Any], after: dict[str, Any], now: float, near: f
         same = np.flatnonzero(resting & (after["stick_stop"].values == before["stick_stop"].values[row]))
         release[row], moves[row] = now, len(same) > 0
         begin[same] = before["stick_time"].values[row]  # it may go on into the piece after
+        after["stick_impulse"].values[same] += before["stick_impulse"].values[row]
     before["release_time"] = before["release_time"].copy(data=release)
     after["stick_time"] = after["stick_time"].copy(data=begin)
     _keep(before, "stick", ~moves)

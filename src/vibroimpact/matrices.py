@@ -1,7 +1,8 @@
-"""The matrices of a linear system: their checks, its modes, and the nearest point in front of its stops."""
+"""The matrices of a linear system: their checks, modes, exponentials, and the nearest point in front of its stops."""
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Iterator
 from functools import lru_cache
@@ -17,6 +18,7 @@ from vibroimpact.parameters import SMALLEST, invalid, radians
 FEW = 6  # bounds, all of whose sets are tried
 KEPT = 256  # sets of matrices whose checks and modes are remembered
 COORDINATES = 128  # at most: enough for a bar of finite elements that resolve its waves
+TERMS = 18  # of a series: 1/19! is below rounding
 ROUNDING = 16.0 * np.finfo(np.float64).eps  # per coordinate: the rounding error of eigenvalues and products of matrices
 
 
@@ -267,3 +269,17 @@ def block_matrix(one: Floats, two: Floats, three: Floats, four: Floats) -> Float
     whole = np.empty((n + len(three), m + two.shape[1]))
     whole[:n, :m], whole[:n, m:], whole[n:, :m], whole[n:, m:] = one, two, three, four
     return whole
+
+
+def growth(matrix: Floats) -> Floats:
+    """Return exp(`matrix`) - 1 of one matrix or many, also accurate if small: scaled and squared Taylor series."""
+    size = float(np.abs(matrix).sum(axis=-2).max(initial=0.0))
+    squarings = max(0, math.frexp(size)[1])
+    part = matrix * 0.5**squarings
+    grown: Floats = part / TERMS
+    for j in range(TERMS - 1, 0, -1):
+        grown = (part + part @ grown) / j
+    with np.errstate(over="ignore", invalid="ignore"):  # backwards in time, against strong damping
+        for _ in range(squarings):
+            grown = 2.0 * grown + grown @ grown
+    return grown

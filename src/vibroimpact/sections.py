@@ -21,12 +21,15 @@ from vibroimpact.backends import (
     check_takes,
     get_backend,
 )
+from vibroimpact.backends.courses import courses_of
+from vibroimpact.backends.effects import States
+from vibroimpact.backends.rests import rest_impulses
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, provenance, status_variable, variable
 from vibroimpact.labels import in_seconds, labelled_impacts, trajectory_of
 from vibroimpact.model import Model, State, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
-from vibroimpact.parameters import STEPS, check_fits, check_steps, counted, invalid, phase_number
+from vibroimpact.parameters import STEPS, check_fits, check_steps, counted, hertz, invalid, phase_number
 from vibroimpact.progress import reporter
 from vibroimpact.status import Status
 
@@ -63,9 +66,14 @@ class Followed:
         start = one_start(self.start)
         return 0.0 if start is None else start.time
 
+    @property
+    def cells(self) -> Any:
+        """The design with its initial condition, as a table of one cell."""
+        return self.model.cells({}, one_start(self.start))
+
     def samples(self, window: Window) -> Any:
         """Return the samples in a window."""
-        return self.samples_of(self.design, self.model.cells({}, one_start(self.start)), window)
+        return self.samples_of(self.design, self.cells, window)
 
     def samples_of(self, design: Any, cells: Any, window: Window) -> Any:
         """Return the samples of one cell of a design in a window."""
@@ -77,6 +85,36 @@ class Followed:
         with reporter(None, "motion"):
             (samples,) = self.engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
         return of_any_length(samples, design)
+
+    def states(self, design: Any, cells: Any, begin: float, length: float) -> States:
+        """Return the function that follows one cell again, from `begin` in s, for its states at other times.
+
+        `length`, in driving periods or impacts, is that of the first run, by which steps are granted.
+        """
+
+        def states(turns: Floats) -> tuple[Floats, Floats]:
+            window = replace(TimesWindow.of(turns, hertz(begin * design.omega)), length=length)
+            (found,) = self.engine.samples(cells, Measurement(window, Tolerances.of(self.tolerances)))
+            lost = (0, len(turns) - len(found.look_phase)), (0, 0)  # after the end of a motion that ended early
+            q, v = found.look_displacement, found.look_velocity
+            return np.pad(q, lost, constant_values=np.nan), np.pad(v, lost, constant_values=np.nan)
+
+        return states
+
+    def taken(self, samples: Any, window: Window, skips: bool = True) -> tuple[Floats, dict[str, Floats]]:
+        """Return the impulse in N s of each rest in the samples in a window, within their time, and how contacts go.
+
+        If it `skips` nothing, what comes before the first sample counts.
+        """
+        if isinstance(window, ImpactWindow):
+            times, length = samples.impact_periods + samples.impact_phase, float(window.transient + window.keep)
+        else:
+            times, length = samples.look_periods + samples.look_phase, window.length
+        first, last = (float(times[0]), float(times[-1])) if len(times) else (math.inf, -math.inf)
+        states = self.states(self.design, self.cells, self.begin, length)
+        system = getattr(self.design, "system", self.design)
+        impulses = rest_impulses(system, samples, first if skips else -math.inf, last, states)
+        return impulses, courses_of(system, samples, states)
 
     def check_cost(self, window: Window) -> None:
         """Raise if memory cannot hold the samples, or if fixed steps would take too long."""
@@ -171,8 +209,9 @@ def impact_section(
     -------
     xarray.Dataset
         `time` in s, `phase` (t mod T)/T in [0, 1), NaN for a model without a driving period, `velocity` in m/s just
-        before contact, > 0 (dim `impact`, fewer rows if impacts cease); `stick_time`, `release_time` (dim `stick`)
-        between the first and the last of them; `status`.
+        before contact, > 0, `impulse` in N s, `energy_lost` in J, `exit_velocity` in m/s (dim `impact`, fewer rows if
+        impacts cease); `stick_time`, `release_time` and `stick_impulse` in N s (dim `stick`) from the first to the last
+        of them; `status`. Systems have more columns, as in `simulate`.
 
     Raises
     ------
@@ -200,7 +239,7 @@ def impact_section(
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     samples = orbit.samples(window)
     how = orbit.provenance("impact_section", transient_impacts=window.transient, sample_impacts=window.keep)
-    return labelled_impacts(samples, orbit.design, how)
+    return labelled_impacts(samples, orbit.design, how, *orbit.taken(samples, window))
 
 
 def stroboscopic_section(

@@ -161,6 +161,11 @@ class Samples:
         return np.zeros(len(self.impact_velocity), np.int64)
 
     @property
+    def rest_stop(self) -> Counts:
+        """The number of the stop of each rest: 0, the only one."""
+        return np.zeros(len(self.stick_phase), np.int64)
+
+    @property
     def rest_begin(self) -> Floats:
         """The beginning of each rest, in whole periods and phase, one row per rest."""
         return np.column_stack([self.stick_periods, self.stick_phase])

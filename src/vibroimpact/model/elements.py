@@ -74,6 +74,27 @@ REPORTS: Mapping[str, Report] = MappingProxyType(
 )
 
 
+class Contact(NamedTuple):
+    """One impact: impulse (N s); loss (J); contact time (s), peak force (N), penetration (m), NaN on rigid stops."""
+
+    impulse: float
+    contact_time: float = math.nan
+    peak_force: float = math.nan
+    penetration: float = math.nan
+    lost: float = math.nan
+
+    @property
+    def energy_lost(self) -> float:
+        """The loss, by its name in results."""
+        return self.lost
+
+    def joined(self, other: Contact) -> Contact:
+        """Return what both parts of one contact come to together."""
+        times = self.contact_time + other.contact_time, max(self.peak_force, other.peak_force)
+        depth, lost = max(self.penetration, other.penetration), self.lost + other.lost
+        return Contact(self.impulse + other.impulse, *times, depth, lost)
+
+
 class Element(ABC):
     """One kind of stop, with its numbers.
 
@@ -287,6 +308,11 @@ def element_of(arguments: Mapping[str, Any]) -> Element:
             raise invalid(name, value, f"None for a {kind.word} stop", kind.instead[name])
     element: Element = kind(*[arguments[name] for name in kind.takes])
     return element
+
+
+def reports_of(stops: Any) -> tuple[str, ...]:
+    """Return the quantities that are reported for every contact, if stops are of these kinds."""
+    return tuple(dict.fromkeys([*Element.reports, *(name for stop in stops for name in stop.element.reports)]))
 
 
 def bars(blocks: Mapping[str, Any]) -> Any:

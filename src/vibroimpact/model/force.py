@@ -126,6 +126,12 @@ class Force(ByValue):
         """`omega`; without one, the 1 rad/s at which time is counted."""
         return 1.0 if self.omega is None else self.omega
 
+    def at(self, angle: Any, n: int) -> Any:
+        """Return the force on each of n coordinates in N, one row per driving angle w t."""
+        turn = np.multiply.outer(1j * np.asarray(angle, np.float64), np.ones(n))
+        waves = sum((wave * np.exp(order * turn)).imag for order, wave in self.harmonics.items())
+        return waves + (np.zeros(n) if self.constant is None else self.constant) + 0.0 * turn.real
+
     @property
     def vectors(self) -> dict[str, Any]:
         """The vectors over coordinates or points, by name."""

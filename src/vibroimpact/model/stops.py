@@ -183,6 +183,11 @@ class Stop(ByValue):
         turn = 1j * np.asarray(angle, np.float64)
         return sum((1j * order * omega * by * np.exp(order * turn)).imag for order, by in self.motion.items())
 
+    def acceleration(self, angle: Any, omega: float) -> Any:
+        """Return the rate of that speed in m/s^2, at driving angles w t."""
+        turn = 1j * np.asarray(angle, np.float64)
+        return sum(((1j * order * omega) ** 2 * by * np.exp(order * turn)).imag for order, by in self.motion.items())
+
     def called(self, name: str) -> Stop:
         """Return a copy with that name; fast, since families make thousands of stops."""
         renamed = object.__new__(Stop)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.backends.base import energy_loss
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, model_of, plain_variable, variable
+from vibroimpact.labels import impulses_of
 from vibroimpact.matrices import numbers
 from vibroimpact.model import is_model
 from vibroimpact.model.elements import REPORTS
@@ -56,10 +56,11 @@ def impact_statistics(
         Over `stop`, the names of groups or stops: `impacts`, `bursts`, `rate` in 1/s, `impacts_per_period`;
         `mean_velocity`, `rms_velocity`, `max_velocity` in m/s; `mean_impulse`, `max_impulse` in N s; `mean_force` in N,
         the sum of impulses divided by the time; `power` in W, the energy lost at the stop divided by the time (the work
-        rate of wear by impact); `rest_fraction`. If a stop is compliant, also `mean_peak_force`, `peak_force` in N,
-        `mean_contact_time` in s, `contact_fraction`, `max_penetration` in m. `number` (stop, velocity_class) is the
-        histogram, with `velocity_from` and `velocity_to` in m/s; `duration` is the time in s. Means and largest values
-        of a support without impacts are NaN, and so is `impacts_per_period` of a model without a driving period.
+        rate of wear by impact); `rest_fraction`; `rest_force` in N, the impulses of rests divided by the time. If a
+        stop is compliant, also `mean_peak_force`, `peak_force` in N, `mean_contact_time` in s, `contact_fraction`,
+        `max_penetration` in m. `number` (stop, velocity_class) is the histogram, with `velocity_from` and
+        `velocity_to` in m/s; `duration` is the time in s. Means and largest values of a support without impacts are
+        NaN, and so is `impacts_per_period` of a model without a driving period.
 
     Raises
     ------
@@ -70,8 +71,8 @@ def impact_statistics(
     -----
     The time of a section runs from its first impact, which is not counted, to its last one, so that a periodic motion
     is counted exactly over whole cycles. Statistics of chaos are estimates from N impacts, with relative errors of
-    about :math:`1/\sqrt{N}`. In a complete chatter, the impacts listed in the section are counted; the force on a stop
-    while a mass rests at it is not included in `mean_force`. Contacts slide without friction, so no work of sliding is
+    about :math:`1/\sqrt{N}`. In a complete chatter, the impacts listed in the section are counted. What a stop carries
+    while a mass rests at it is in `rest_force` alone. Contacts slide without friction, so no work of sliding is
     included. Cost: that of the section.
 
     Examples
@@ -96,7 +97,10 @@ def impact_statistics(
         for at in range(len(names))
     ]
     for row, name in zip(rows, names, strict=True):
-        row["rest_fraction"] = sum(record.rests[stop] for stop in support if support[stop] == name) / record.duration
+        row |= {
+            quantity: sum(record.rests[stop][quantity] for stop in support if support[stop] == name) / record.duration
+            for quantity in record.rests[model.stop_names[0]]
+        }
     variables = {
         name: variable(name, ("stop", "velocity_class") if name == "number" else "stop", [row[name] for row in rows])
         for name in rows[0]
@@ -111,11 +115,11 @@ def impact_statistics(
 
 @dataclass(frozen=True)
 class _Record:
-    """Impacts within a time: their columns and stops; how long a mass rests at each stop, in s."""
+    """Impacts within a time: their columns and stops; time in s and impulse in N s of all rests at each stop."""
 
     columns: dict[str, Floats]
     stops: list[str]
-    rests: dict[str, float]
+    rests: dict[str, dict[str, float]]
     duration: float
 
 
@@ -130,9 +134,7 @@ def _record(source: Any) -> _Record:
     columns |= {name: source[name].values for name in REPORTS if name in source}
     stops = source[f"{prefix}stop"].values if f"{prefix}stop" in source else np.full(source.sizes["impact"], "stop")
     if "impulse" not in columns:
-        mass, r = model.mass, model.restitution
-        columns |= {"impulse": mass * (1.0 + r) * columns["velocity"]}
-        columns |= {"energy_lost": energy_loss(mass, r) * columns["velocity"] ** 2}
+        columns |= {name: column.values for name, column in impulses_of(model, columns["velocity"]).items()}
     if prefix:
         begin, end = source["time"].values[[0, -1]].tolist()
     else:
@@ -148,7 +150,13 @@ def _record(source: Any) -> _Record:
     resting = source["stick_stop"].values if "stick_stop" in source else np.full(source.sizes["stick"], "stop")
     until = np.nan_to_num(source["release_time"].values, nan=end)
     spans = np.clip(until, begin, end) - np.clip(source["stick_time"].values, begin, end)
-    rests = {name: float(spans[resting == name].sum()) for name in model.stop_names}
+    sums = {"rest_fraction": spans}
+    if "stick_impulse" in source:
+        sums["rest_force"] = source["stick_impulse"].values
+    rests = {
+        name: {quantity: float(values[resting == name].sum()) for quantity, values in sums.items()}
+        for name in model.stop_names
+    }
     return _Record(columns, stops.tolist(), rests, end - begin)
 
 

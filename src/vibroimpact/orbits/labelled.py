@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from vibroimpact.dataset import dataset_of, flags, impact_speed, plain_variable, provenance, variable
 from vibroimpact.model import Model
+from vibroimpact.model.elements import reports_of
 from vibroimpact.orbits.results import Orbits
 
 if TYPE_CHECKING:
@@ -47,20 +47,23 @@ def orbits_dataset(orbits: Orbits[Any], model: Model, arguments: Mapping[str, An
     }
     content |= {key: number("orbit", [getattr(orbit, key) for orbit in orbits], text) for key, text in real.items()}
     content["stuck_time"].attrs["units"] = "s"
-    if several:
-        content |= _struck(orbits, max(counts, default=0))
+    content |= _struck(orbits, max(counts, default=0), model.at())
     return dataset_of(content, attrs=provenance("find_orbit", model, arguments) | outcome)
 
 
-def _struck(orbits: Orbits[Any], p: int) -> dict[str, xr.Variable]:
-    """Return stops and impulses of the impacts of a system's orbits."""
-    names = np.full((len(orbits), p), "", dtype=object)
-    impulses = np.full((len(orbits), p), math.nan)
-    for at, orbit in enumerate(orbits):
-        names[at, : len(orbit.stops)], impulses[at, : len(orbit.stops)] = orbit.stops, orbit.impulses
+def _struck(orbits: Orbits[Any], p: int, design: Any) -> dict[str, xr.Variable]:
+    """Return what impacts come to, and the stops of those of a system."""
     dims = ("orbit", "impact")
-    stops = plain_variable(dims, names.astype(str), {"long_name": "stop that is struck"})
-    return {"stop": stops, "impulse": variable("impulse", dims, impulses)}
+    columns = {
+        name: variable(name, dims, rows_of([[getattr(each, name) for each in orbit.contacts] for orbit in orbits], p))
+        for name in reports_of(design.stops)
+    }
+    if design.says_all:
+        return columns
+    names = np.full((len(orbits), p), "", dtype=object)
+    for at, orbit in enumerate(orbits):
+        names[at, : len(orbit.stops)] = orbit.stops
+    return columns | {"stop": plain_variable(dims, names.astype(str), {"long_name": "stop that is struck"})}
 
 
 def orbit_variables(orbits: Sequence[Any], p: int, dim: str) -> dict[str, xr.Variable]:

@@ -12,7 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vibroimpact.backends.base import energy_loss
 from vibroimpact.model import Model, State, check_names
+from vibroimpact.model.elements import Contact
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.model.units import in_own_unit
 from vibroimpact.motion import cycle_name
@@ -134,6 +136,23 @@ class Orbit(Shown):
         end = self.n_periods + self.release_phase
         return (Rest(self.oscillator.stops[0].name, end - self.stuck_time / self.oscillator.period, end),)
 
+    @cached_property
+    def contacts(self) -> tuple[Contact, ...]:
+        """The impulse (N s) and the energy `lost` (J) of each impact."""
+        mass, r = self.oscillator.mass, self.oscillator.restitution
+        return tuple(Contact(mass * (1.0 + r) * v, lost=energy_loss(mass, r) * v * v) for v in self.velocities)
+
+    @cached_property
+    def impulses(self) -> tuple[float, ...]:
+        """Impulses of the impacts in N s."""
+        return tuple(contact.impulse for contact in self.contacts)
+
+    @cached_property
+    def rest_impulses(self) -> tuple[float, ...]:
+        """The impulse in N s that a stop takes in each of the `rests`, exact to 1e-10."""
+        home: Any = import_module("vibroimpact.orbits.systems.motion")  # which imports this one
+        return home.rest_impulses_of(self)  # type: ignore[no-any-return]
+
     @property
     def trace(self) -> float:
         """Trace of the cycle's Jacobian: the sum of the multipliers."""
@@ -199,15 +218,15 @@ class Orbit(Shown):
 
     def _columns(self) -> dict[str, Sequence[Any]]:
         """Return the data of its impacts by column heading."""
-        return {"phase": self.phases, "impact velocity [m/s]": self.velocities}
+        return {"phase": self.phases, "impact velocity [m/s]": self.velocities, "impulse [N s]": self.impulses}
 
     def _table(self) -> Table:
         columns = self._columns()
         notes = [f"largest multiplier {self.spectral_radius:.4g} in size"]
         notes += [
             f"at rest at {rest.stop} from phase {rest.begin % 1.0:.4g} for "
-            f"{(rest.end - rest.begin) * self.oscillator.period:.4g} s"
-            for rest in self.rests[:MOST]
+            f"{(rest.end - rest.begin) * self.oscillator.period:.4g} s, which takes {impulse:.4g} N s"
+            for rest, impulse in zip(self.rests[:MOST], self.rest_impulses, strict=False)
         ]
         return Table(
             f"{self.name}, {self._kind}, repeats every {self.period:.4g} s",

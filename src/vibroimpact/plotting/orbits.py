@@ -164,8 +164,8 @@ def time_history(
 
     The line includes the instants of impact, so that it reaches the stop exactly. For systems, a coordinate or the
     clearance of a stop is drawn with all stops that act on it alone, and impacts are coloured by stop. The penetration
-    of compliant stops is shaded; a new figure also shows their forces in a panel below, where each contact has a box
-    with its duration and peak force.
+    of compliant stops is shaded; a new figure then also shows the forces of all stops in a panel below, where each
+    contact with a compliant one has a box with its duration and peak force.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def time_history(
     for rests, text, where in motion.rests(simulation):
         draw_sticks(ax, [rest[:, :2] for rest in rests], text + where, 4)
     ax.set_xlim(float(simulation["time"][0]), float(simulation["time"][-1]))
-    if new and "force" in simulation:
+    if new and any(not stop.element.instantaneous for stop in motion.view.model.stops):
         labels.label_axis(ax.yaxis, motion.y)
         below = style.panel_below(ax, 1.9)
         draw_forces(below, motion.view.model, simulation)

@@ -79,12 +79,16 @@ def draw_walls(ax: Axes, view: View, y: Floats, time: Floats, *, upright: bool) 
 
 def draw_forces(ax: Axes, model: Any, simulation: xr.Dataset) -> None:
     """Draw the forces of stops over time, with a box of the duration and peak force behind each contact that lasts."""
-    for stop in (stop for stop in model.stops if not stop.element.instantaneous):
-        hits = simulation.isel(impact=np.flatnonzero(simulation["impact_stop"] == stop.name))
+    for stop in model.stops:
+        force = simulation["force"].sel(stop=stop.name).values
+        lasts = not stop.element.instantaneous
+        hits = simulation.isel(impact=np.flatnonzero((simulation["impact_stop"] == stop.name) & lasts))
+        if not (lasts or force.any()):
+            continue
         begins, length, peak = (hits[name].values for name in ("impact_time", "contact_time", "peak_force"))
         touch: Floats = stop.element.force(TOUCHED, hits["impact_velocity"].values)  # it jumps from zero
         time = np.concatenate([simulation["time"].values, begins, begins, begins + length])
-        force = np.concatenate([simulation["force"].sel(stop=stop.name).values, 0.0 * touch, touch, 0.0 * touch])
+        force = np.concatenate([force, 0.0 * touch, touch, 0.0 * touch])
         order, color = np.argsort(time, kind="stable")[: np.isfinite(time).sum()], color_of(model, str(stop.name))
         ax.plot(time[order], force[order], color=color, linewidth=1.2, zorder=3, label=f"force of {stop.name}")
         boxes = [Rectangle((at, 0.0), long, most) for at, long, most in zip(begins, length, peak, strict=True)]

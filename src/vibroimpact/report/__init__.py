@@ -20,7 +20,7 @@ from vibroimpact.parameters import counted, hertz, times
 from vibroimpact.report.quantities import axis_range, initial_condition, quantity, spaced, span
 from vibroimpact.report.statistics import statistics_sentences
 from vibroimpact.report.sweeps import diagram_sentences, map_sentences
-from vibroimpact.report.systems import each_stop, moving_columns, system_sentence
+from vibroimpact.report.systems import carried, each_stop, moving_columns, system_sentence
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def _simulation(dataset: xr.Dataset) -> Iterator[str]:
     if "coordinate" in dataset.dims:
         yield from each_stop(dataset)
     elif rests := dataset.sizes.get("stick", 0):
-        yield f"comes to rest at the stop {times(rests)}"
+        yield f"comes to rest at the stop {times(rests)}{carried(dataset, slice(None))}"
     yield from _ending(dataset)
 
 

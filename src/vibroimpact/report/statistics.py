@@ -17,6 +17,7 @@ _FACTS = {
     "mean_velocity": ("mean ", ""),
     "max_velocity": ("up to ", ""),
     "mean_force": ("", " on average"),
+    "rest_force": ("", " in rests"),
     "peak_force": ("up to ", ""),
     "power": ("", " lost"),
 }
@@ -31,6 +32,6 @@ def statistics_sentences(dataset: xr.Dataset) -> Iterator[str]:
         facts = [
             f"{before}{quantity(float(of[key]), of[key].attrs['units'], 4)}{after}"
             for key, (before, after) in _FACTS.items()
-            if key in of and of[key].notnull()
+            if key in of and of[key].notnull() and (of[key].item() or key != "rest_force")
         ]
         yield f"  {name}: {', '.join(facts) if int(of['impacts']) else 'no impacts'}"

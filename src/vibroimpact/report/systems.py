@@ -60,7 +60,7 @@ def each_stop(dataset: xr.Dataset) -> Iterator[str]:
     struck, speed = (dataset[f"impact_{name}" if simulated else name] for name in ("stop", "velocity"))
     closed, impulse = dataset["stick_stop"].values, dataset["impulse"].values
     for name in dict.fromkeys([*dataset["stop"].values.tolist(), *closed.tolist()]):
-        on_stop, rests = struck.values == name, int((closed == name).sum())
+        on_stop, rests = struck.values == name, np.flatnonzero(closed == name)
         parts = [counted(int(on_stop.sum()), "impact")]
         if on_stop.any():
             hardest = quantity(float(speed.values[on_stop].max()), "m/s", 4)
@@ -70,11 +70,18 @@ def each_stop(dataset: xr.Dataset) -> Iterator[str]:
         elif simulated:
             least = float(dataset["clearance"].sel(stop=name).min())
             parts.append(f"clearance at least {quantity(least, 'm', 4)}")
-        if rests:
-            parts.append(f"closes {times(rests)}")
+        if len(rests):
+            parts.append(f"closes {times(len(rests))}{carried(dataset, rests)}")
         yield f"  {name}: {', '.join(parts)}"
     if "simultaneous" in dataset and (number := int(dataset["simultaneous"].sum())):
         yield f"  {counted(number, 'impact')} simultaneous with others"
+
+
+def carried(dataset: xr.Dataset, rests: Any) -> str:
+    """Return what a stop takes in some of the rests, in words; "" in results of versions that do not list it."""
+    if "stick_impulse" not in dataset:
+        return ""
+    return f", taking {quantity(float(dataset['stick_impulse'].values[rests].sum()), 'N s', 4)} in all"
 
 
 def _contacts(impacts: xr.Dataset) -> Iterator[str]:

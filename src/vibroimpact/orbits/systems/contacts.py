@@ -4,27 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
 from vibroimpact.cells import Floats
+from vibroimpact.model.elements import Contact
 from vibroimpact.orbits.systems.admissibility import clearances
 from vibroimpact.orbits.systems.cycle import Cycle, Leg
 from vibroimpact.orbits.systems.events import IMPACT
 from vibroimpact.orbits.systems.sampling import pulls, sampled, turning_points
 
 NODES = 8  # of Gauss-Legendre quadrature over one stride of the samples: exact to rounding
-
-
-class Contact(NamedTuple):
-    """One impact: impulse (N s); contact time (s), peak force (N), penetration (m), loss (J), NaN on rigid stops."""
-
-    impulse: float
-    contact_time: float = math.nan
-    peak_force: float = math.nan
-    penetration: float = math.nan
-    lost: float = math.nan
 
 
 def contacts_of(cycle: Cycle, unknown: Floats, speeds: Floats) -> tuple[Contact, ...]:
@@ -35,8 +25,10 @@ def contacts_of(cycle: Cycle, unknown: Floats, speeds: Floats) -> tuple[Contact,
         if flow.compliant[stop]:
             contacts.append(_on_compliant(cycle, unknown, at))
         else:
-            impulse = (1.0 + flow.rebound(stop, -speeds[at])[0]) * speeds[at] * flow.omega / flow.lengths[stop]
-            contacts.append(Contact(float(impulse)))
+            r, speed = flow.rebound(stop, -speeds[at])[0], speeds[at] * flow.omega
+            impulse = (1.0 + r) * speed / flow.lengths[stop]
+            lost = 0.5 * (1.0 - r) * speed * flow.lengths[stop] * impulse
+            contacts.append(Contact(float(impulse), lost=float(lost)))
     return tuple(contacts)
 
 

@@ -28,26 +28,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.matrices import block_matrix
+from vibroimpact.matrices import block_matrix, growth
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.systems.events import GRAZE, IMPACT, LET_GO, Event, Pushing
 
-TERMS = 18  # 1/19! is below rounding
 KEPT = 64  # flights cached: those of one cycle, while its equations are differentiated and its orbit is built
-
-
-def growth(matrix: Floats) -> Floats:
-    """Return exp(`matrix`) - 1 of one matrix or many, also accurate if small: scaled and squared Taylor series."""
-    size = float(np.abs(matrix).sum(axis=-2).max(initial=0.0))
-    squarings = max(0, math.frexp(size)[1])
-    part = matrix * 0.5**squarings
-    grown: Floats = part / TERMS
-    for j in range(TERMS - 1, 0, -1):
-        grown = (part + part @ grown) / j
-    with np.errstate(over="ignore", invalid="ignore"):  # backwards in time, against strong damping
-        for _ in range(squarings):
-            grown = 2.0 * grown + grown @ grown
-    return grown
 
 
 class Phase(NamedTuple):

@@ -7,11 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vibroimpact.backends import StroboscopicWindow
 from vibroimpact.backends.modal.carry import Carrier
 from vibroimpact.cells import Floats
+from vibroimpact.model.balance import accelerations, stop_forces
 from vibroimpact.options import Tolerances
-from vibroimpact.orbits.systems.flow import Flow
+from vibroimpact.orbits.equations import SAME
 from vibroimpact.orbits.systems.orbit import cycle_of
+from vibroimpact.sections import Followed
 
 
 def motion_of(orbit: Any, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
@@ -38,38 +41,37 @@ def _in_flight(orbit: Any, times: Floats) -> Floats:
 def _with_rests(orbit: Any, times: Floats) -> Floats:
     """Return the same of an orbit with rests, each time from the one before."""
     system, period = orbit.system, orbit.system.period
-    carrier, flow = Carrier(system.cells({}), Tolerances()), Flow(system)
+    carrier = Carrier(system.cells({}), Tolerances())
     first, done = orbit.start.time / period, 0.0
     later = (times / period - first) % orbit.n_periods
     x = carrier.state(*(np.atleast_1d(part) for part in (orbit.start.displacement, orbit.start.velocity)))
-    kinematics = np.empty((3, len(times), flow.n))
+    kinematics = np.empty((3, len(times), system.coordinates))
     for row in np.argsort(later, kind="stable"):
         if later[row] > done:
             x, _ = carrier.over(x, (first + done) % 1.0, later[row] - done)
             done = later[row]
         place, speed = carrier.coordinates(x)
-        kinematics[:, row] = place, speed, _acceleration(orbit, flow, np.append(place, speed), first + done)
+        kinematics[:, row] = place, speed, _acceleration(orbit, place, speed, first + done)
     return kinematics
 
 
-def _acceleration(orbit: Any, flow: Flow, state: Floats, turn: float) -> Floats:
-    """Return accelerations, in a rest under the forces of the closed stops, which keep their clearances at 0."""
-    system, angle = orbit.system, 2.0 * np.pi * turn
-    x = np.linalg.solve(flow.physical, state).astype(np.float64)
-    z = flow.drive(angle)
-    free: Floats = flow.omega * (flow.physical @ flow.rate(x, z, flow.pressed(x, z)))[flow.n :]
+def _acceleration(orbit: Any, q: Floats, v: Floats, turn: float) -> Floats:
+    """Return accelerations, in a rest under the forces of the closed stops."""
+    system, angle = orbit.system, np.array(2.0 * np.pi * turn)
     closed = [stop for stop, begin, end in orbit.rests if (turn - begin) % orbit.n_periods < end - begin]
-    if not closed:
-        return free
-    stops = [system.stops[system.stop_names.index(name)] for name in closed]
-    directions = np.array([stop.direction for stop in stops])
-    pushed = np.linalg.solve(system.mass, directions.T)
-    moved = [
-        sum(
-            ((1j * order * flow.omega) ** 2 * by * np.exp(1j * order * angle)).imag for order, by in stop.motion.items()
-        )
-        for stop in stops
-    ]
-    opening = np.array(moved) - directions @ free
-    held: Floats = free + pushed @ np.linalg.lstsq(directions @ pushed, opening, rcond=None)[0]
-    return held
+    forces = stop_forces(system, q, v, angle, sorted({system.stop_names.index(name) for name in closed}))
+    return accelerations(system, q, v, angle, forces)
+
+
+def rest_impulses_of(orbit: Any) -> tuple[float, ...]:
+    """Return the impulse of each rest of an orbit in N s, from the motion over two cycles."""
+    run, n = Followed(orbit.system, orbit.start, "cpu", None, None), orbit.n_periods
+    impulses: list[float] = []
+    for stop, begin, end in orbit.rests:
+        window = StroboscopicWindow(0, n + 1 if end - begin >= n else 2 * n + 1)
+        samples = run.samples(window)
+        later = np.abs((samples.rest_begin.sum(axis=1) - begin + 0.5 * n) % n - 0.5 * n)
+        later[samples.rest_stop != orbit.system.stop_names.index(stop)] = np.inf
+        first = int(np.argmax(later <= later.min() + SAME))  # the next one may not be over
+        impulses.append(float(run.taken(samples, window, skips=False)[0][first]))
+    return tuple(impulses)

@@ -21,6 +21,7 @@ from __future__ import annotations
 import numpy as np
 
 from vibroimpact.cells import Floats
+from vibroimpact.matrices import growth
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.distance import Impacts, same_orbit
 from vibroimpact.orbits.equations import TURN
@@ -29,7 +30,7 @@ from vibroimpact.orbits.systems.closed_form import EPS, VANISHED, not_isolated, 
 from vibroimpact.orbits.systems.common_zeros import NODES, common_zeros
 from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.events import Pushing
-from vibroimpact.orbits.systems.flow import Flow, growth
+from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.parameters import counted
 
 MOST_ORBITS = 256  # solutions for one contact: if there are more, they are not isolated

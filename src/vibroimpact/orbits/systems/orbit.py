@@ -11,12 +11,13 @@ import numpy as np
 
 from vibroimpact.cells import Floats
 from vibroimpact.model import Model, State
+from vibroimpact.model.elements import Contact
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.orbit import Orbit, Rest, family_of, phases_of
 from vibroimpact.orbits.systems.admissibility import objection
-from vibroimpact.orbits.systems.contacts import Contact, contacts_of
+from vibroimpact.orbits.systems.contacts import contacts_of
 from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event
 from vibroimpact.orbits.systems.flow import Flow
@@ -52,8 +53,8 @@ class SystemOrbit(Orbit):
     pushing : tuple of str
         Stops that push just before the first impact.
     contacts : tuple of Contact
-        For each impact, the `impulse` in N s and, on a compliant stop, `contact_time` (for which it pushes) in s,
-        `peak_force` in N, `penetration` in m, and the energy `lost` at the stop in J; NaN on a rigid stop.
+        For each impact, the `impulse` in N s, the energy `lost` at the stop in J and, on a compliant stop,
+        `contact_time` (for which it pushes) in s, `peak_force` in N and `penetration` in m; NaN on a rigid stop.
     rests : tuple of Rest
         Rests at rigid stops: the `stop`, and its `begin` and `end` in driving periods, on the same time axis as
         `turns`. The impacts of a chatter are listed down to 1e-9 V. A cycle with rests is listed from the end of the
@@ -76,7 +77,7 @@ class SystemOrbit(Orbit):
 
     stops: tuple[str, ...] = field()
     turns: tuple[float, ...]
-    impulses: tuple[float, ...]
+    impulses: tuple[float, ...] = field()
     start: State = field()
     half_multipliers: tuple[complex, ...] = ()
     events: tuple[tuple[float, str, str], ...] = ()
@@ -136,7 +137,7 @@ class SystemOrbit(Orbit):
         return self.energy if free else super().value(parameter)
 
     def _columns(self) -> dict[str, Sequence[Any]]:
-        columns = {"stop": self.stops, **super()._columns(), "impulse [N s]": self.impulses}
+        columns = {"stop": self.stops, **super()._columns()}
         if any(contact.peak_force > 0.0 for contact in self.contacts):
             columns["largest force [N]"] = [contact.peak_force for contact in self.contacts]
             columns["contact time [s]"] = [contact.contact_time for contact in self.contacts]

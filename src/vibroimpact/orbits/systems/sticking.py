@@ -20,6 +20,7 @@ from vibroimpact.backends import Measurement, StroboscopicWindow, get_backend
 from vibroimpact.backends.modal.carry import Carrier
 from vibroimpact.cells import Floats
 from vibroimpact.model import Model, State
+from vibroimpact.model.elements import Contact
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import cycle_name
 from vibroimpact.motion.recognition import recurrence
@@ -29,7 +30,6 @@ from vibroimpact.orbits.equations import SAME, TURN
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Rest, family_of, phases_of
 from vibroimpact.orbits.results import Guess, Orbits, lost, other_name
-from vibroimpact.orbits.systems.contacts import Contact
 from vibroimpact.orbits.systems.cycle import multipliers_of
 from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.orbit import SystemOrbit, at_rest
@@ -43,14 +43,14 @@ SETTLING = 1000  # transient driving periods from rest before the guess for Newt
 class _History(NamedTuple):
     """The events in a cycle, in the order of time; times are in driving periods.
 
-    Each impact has a time, a stop, a velocity (m/s) and an impulse (N s). `displacements` are the coordinates at the
+    Each impact has a time, a stop, a velocity (m/s) and a contact. `displacements` are the coordinates at the
     beginning and after each period, relative to a free centre.
     """
 
     times: Floats
     stops: tuple[str, ...]
     velocities: Floats
-    impulses: Floats
+    contacts: tuple[Contact, ...]
     rests: tuple[Rest, ...]
     displacements: Floats
 
@@ -162,10 +162,17 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _History:
         times[within],
         tuple(names[stop] for stop in samples.impact_stop[within]),
         samples.impact_velocity[within],
-        samples.impact_impulse[within],
+        _contacts(samples, within),
         tuple(rests),
         _beside_centre(system, samples.look_displacement),
     )
+
+
+def _contacts(samples: Any, which: Any) -> tuple[Contact, ...]:
+    """Return the contacts of some impacts; the NaN of rigid stops is the one of `Contact`, so that they are equal."""
+    columns = samples.impact_impulse, samples.impact_duration, samples.impact_force, samples.impact_depth
+    rows = np.column_stack([*columns, samples.impact_energy])[which].tolist()
+    return tuple(Contact(*(math.nan if math.isnan(number) else number for number in row)) for row in rows)
 
 
 def _quiet_state(history: _History, carrier: Carrier, state: State, period: float, n_periods: int) -> State:
@@ -224,7 +231,7 @@ def _from_release(history: _History, names: tuple[str, ...], n_periods: int) -> 
         times=times[order],
         stops=tuple(history.stops[at] for at in order),
         velocities=history.velocities[order],
-        impulses=history.impulses[order],
+        contacts=tuple(history.contacts[at] for at in order),
         rests=tuple(rests),
     )
 
@@ -248,11 +255,11 @@ def _orbit(
         turns=turns,
         velocities=tuple(history.velocities.tolist()),
         phases=phases_of(turns),
-        impulses=tuple(history.impulses.tolist()),
+        impulses=tuple(contact.impulse for contact in history.contacts),
         start=state,
         multipliers=multipliers,
         family=family_of(model),
-        contacts=tuple(Contact(impulse) for impulse in history.impulses.tolist()),
+        contacts=history.contacts,
         neutral=multipliers_of(Flow(system).drift(TURN * n_periods)),
         rests=rests,
         stick_phase=stick,
