@@ -86,7 +86,7 @@ def draw_forces(ax: Axes, model: Any, simulation: xr.Dataset) -> None:
         if not (lasts or force.any()):
             continue
         begins, length, peak = (hits[name].values for name in ("impact_time", "contact_time", "peak_force"))
-        touch: Floats = stop.element.force(TOUCHED, hits["impact_velocity"].values)  # it jumps from zero
+        touch = stop.element.force(np.full(len(begins), TOUCHED), hits["impact_velocity"].values)  # it jumps from zero
         time = np.concatenate([simulation["time"].values, begins, begins, begins + length])
         force = np.concatenate([force, 0.0 * touch, touch, 0.0 * touch])
         order, color = np.argsort(time, kind="stable")[: np.isfinite(time).sum()], color_of(model, str(stop.name))
