@@ -58,11 +58,16 @@ class Rests:
 
 def forces_at(system: ImpactSystem, rests: Rests, turns: Floats, q: Floats, v: Floats) -> Floats:
     """Return the forces of all stops in N in the states at ascending times in driving periods, one row per time."""
-    forces, angles = np.zeros((len(turns), len(system.stops))), angles_of(turns)
-    sets, which = np.unique(rests.closed(turns, len(system.stops)), axis=0, return_inverse=True)
-    for number, closed in enumerate(sets):
-        rows = which.ravel() == number
-        forces[rows] = stop_forces(system, q[rows], v[rows], angles[rows], np.flatnonzero(closed).tolist())
+    closed, angles = rests.closed(turns, len(system.stops)), angles_of(turns)
+    if all(stop.element.instantaneous for stop in system.stops):
+        forces = np.zeros(closed.shape)
+    else:
+        forces = stop_forces(system, q, v, angles)
+    resting = np.flatnonzero(closed.any(axis=1))
+    sets, which = np.unique(np.packbits(closed[resting], axis=1), axis=0, return_inverse=True)
+    for number in range(len(sets)):
+        rows = resting[which.ravel() == number]
+        forces[rows] = stop_forces(system, q[rows], v[rows], angles[rows], np.flatnonzero(closed[rows[0]]).tolist())
     return forces
 
 
