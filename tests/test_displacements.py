@@ -202,5 +202,5 @@ def test_without_a_driving_frequency_there_is_no_harmonic():
     ground = vi.Stop(direction=-1.0, gap=1.0, restitution=0.9, name="ground")
     ball = vi.ImpactSystem(mass=1.0, damping=0.1, stiffness=1.0, force=vi.Force(constant=-2.0), stops=[ground])
     mapped = vi.parameter_map(ball, ground_gap=[0.5, 1.0], indices=["mean", "harmonic_phase"], sample_impacts=20)
-    assert "the load has none" in mapped["harmonic_phase"].attrs["no_value"]
+    assert "no frequency" in mapped["harmonic_phase"].attrs["no_value"]
     assert mapped["mean"].values == pytest.approx([-0.5, -1.0])
