@@ -92,7 +92,8 @@ def test_where_a_plastic_mass_is_held_the_branch_ends_at_one_value_whatever_the_
     ends = [branch.values[0] for branch in branches]
     assert ends == pytest.approx([ends[0]] * 3, rel=1e-9)
     assert all(
-        f"omega = {end:.12g}, where its orbits" in branch.message for end, branch in zip(ends, branches, strict=True)
+        f"omega = {end:.12g} rad/s, where its orbits" in branch.message
+        for end, branch in zip(ends, branches, strict=True)
     )
 
 

@@ -277,4 +277,4 @@ def test_a_branch_that_loses_its_last_contact_ends_where_the_steady_motion_touch
     assert ends == pytest.approx(np.sqrt(squares), abs=1e-11)
     assert [point.value for point in special_points(branch, "grazing")] == ends.tolist()
     for low in ends:
-        assert f"omega = {low:.12g}, where it grazes the stop" in branch.message
+        assert f"omega = {low:.12g} rad/s, where it grazes the stop" in branch.message

@@ -62,7 +62,8 @@ def stable_orbits(osc: ImpactOscillator, n_periods: int) -> list[Orbit]:
     """Return the stable period-n impact-1 orbits, the hardest first; unstable ones are not constructed."""
     cycle, parameters = Cycle(n_periods, 1), parameters_of(osc)
     stable = [z for z in impact_1_orbits(osc, n_periods)[0] if max(map(abs, cycle.multipliers(parameters, z))) < 1.0]
-    return sorted((make_orbit(osc, cycle, z) for z in stable), key=lambda orbit: -max(orbit.velocities))
+    orbits = [orbit for orbit in (make_orbit(osc, cycle, z) for z in stable) if orbit.stable]
+    return sorted(orbits, key=lambda orbit: -max(orbit.velocities))
 
 
 def impact_of(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:

@@ -78,10 +78,10 @@ def each_stop(dataset: xr.Dataset) -> Iterator[str]:
 
 
 def carried(dataset: xr.Dataset, rests: Any) -> str:
-    """Return what a stop takes in some of the rests, in words; "" in results of versions that do not list it."""
+    """Return the impulse on a stop in some of the rests, in words; "" in results of versions that do not list it."""
     if "stick_impulse" not in dataset:
         return ""
-    return f", taking {quantity(float(dataset['stick_impulse'].values[rests].sum()), 'N s', 4)} in all"
+    return f", with an impulse of {quantity(float(dataset['stick_impulse'].values[rests].sum()), 'N s', 4)} in all"
 
 
 def _contacts(impacts: xr.Dataset) -> Iterator[str]:
