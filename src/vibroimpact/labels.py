@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.backends.base import energy_loss
+from vibroimpact.backends.base import taken_by
 from vibroimpact.backends.effects import Rests, forces_at
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, impact_speed, plain_variable, status_variable, variable
+from vibroimpact.model import as_system
 from vibroimpact.model.balance import clearances
 from vibroimpact.model.elements import REPORTS, reports_of
 
@@ -69,7 +70,7 @@ def taken_by_stops(
 
     The force of a rigid stop is that of a rest, and zero otherwise: an impact on it has an impulse but no force.
     """
-    system, turns = getattr(model, "system", model), samples.look_periods + samples.look_phase
+    system, turns = as_system(model), samples.look_periods + samples.look_phase
     shape, rests = (len(turns), system.coordinates), Rests(samples, math.inf)
     q, v = samples.look_displacement.reshape(shape), samples.look_velocity.reshape(shape)
     forces = forces_at(system, rests, turns, q, v)
@@ -83,8 +84,9 @@ def taken_by_stops(
 def impulses_of(oscillator: Any, speeds: Floats) -> dict[str, xr.Variable]:
     """Return impulses and energies lost of impacts of one mass on its stop, at speeds in m/s."""
     mass, r = oscillator.mass, oscillator.restitution
-    columns = {"impulse": mass * (1.0 + r) * speeds, "energy_lost": energy_loss(mass, r) * speeds**2}
-    columns["exit_velocity"] = r * speeds
+    columns = dict(zip(("impulse", "energy_lost"), taken_by(mass, r, speeds), strict=True)) | {
+        "exit_velocity": r * speeds
+    }
     return {name: variable(name, "impact", column) for name, column in columns.items()}
 
 

@@ -17,6 +17,7 @@ from vibroimpact.backends.rests import rest_impulses
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import status_variable
 from vibroimpact.labels import COURSES, taken_by_stops, trajectory_of
+from vibroimpact.model import as_system
 from vibroimpact.model.balance import clearances
 from vibroimpact.model.elements import REPORTS, Contact
 from vibroimpact.model.force import Force, checked_force
@@ -119,7 +120,7 @@ def as_given(sampled: Floats, seconds: Floats) -> Floats:
 
 def _loaded(design: Any, force: Force | None) -> ImpactSystem:
     """Return a design under another force; one without a frequency keeps that of the design."""
-    system: ImpactSystem = getattr(design, "system", design)
+    system: ImpactSystem = as_system(design)
     force = checked_force(force)
     if force.omega is None:
         force = Force(**{**force.arguments(), "omega": system.force.omega})

@@ -27,7 +27,7 @@ from vibroimpact.backends.rests import rest_impulses
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, provenance, status_variable, variable
 from vibroimpact.labels import in_seconds, labelled_impacts, trajectory_of
-from vibroimpact.model import Model, State, check_model, one_start
+from vibroimpact.model import Model, State, as_system, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import STEPS, check_fits, check_steps, counted, hertz, invalid, phase_number
 from vibroimpact.progress import reporter
@@ -112,7 +112,7 @@ class Followed:
             times, length = samples.look_periods + samples.look_phase, window.length
         first, last = (float(times[0]), float(times[-1])) if len(times) else (math.inf, -math.inf)
         states = self.states(self.design, self.cells, self.begin, length)
-        system = getattr(self.design, "system", self.design)
+        system = as_system(self.design)
         impulses = rest_impulses(system, samples, first if skips else -math.inf, last, states)
         return impulses, courses_of(system, samples, states)
 

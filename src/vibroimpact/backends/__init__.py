@@ -20,7 +20,7 @@ from vibroimpact.backends.base import (
 from vibroimpact.backends.one_mass import OfOneMass
 from vibroimpact.cells import Cells
 from vibroimpact.indices import ALL, DISPLACEMENTS, FORCES, INDICES, check_indices
-from vibroimpact.model import Model
+from vibroimpact.model import Model, as_system
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.points import observed
 from vibroimpact.parameters import choice, unknown
@@ -95,8 +95,10 @@ def _computes(backend: Backend, name: str) -> bool:
 
 
 # Indices that count driving periods, or measure in them.
-OF_PERIODS = "impacts_per_period", "dissipation", "n_periods", "n_impacts", "impact_phase_spread"
-OF_PHASES = "harmonic_amplitude", "harmonic_phase"
+OF_PERIODS = (
+    "impacts_per_period", "dissipation", "n_periods", "n_impacts", "impact_phase_spread", "harmonic_amplitude",
+    "harmonic_phase",
+)  # fmt: skip
 
 
 def without_value(name: str, model: Model, of: Any = ()) -> str:
@@ -105,7 +107,7 @@ def without_value(name: str, model: Model, of: Any = ()) -> str:
         return f"`{name}` is an index of systems; write the oscillator as an ImpactSystem"
     if name in ("max_force", "rms_force") and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):
         return f"`{name}` needs a compliant stop; the force of a rigid one has no largest value"
-    if name in (*OF_PERIODS, *OF_PHASES) and not getattr(model, "periodic", True):
+    if name in OF_PERIODS and not getattr(model, "periodic", True):
         lacks = "refers to the driving period, which the model lacks, since its load has no frequency"
         return f"`{name}` {lacks}; impact_statistics gives rates per second"
     if name in DISPLACEMENTS and of is None:
@@ -122,7 +124,7 @@ def observed_by(indices: Iterable[str], model: Model, of: Any) -> tuple[float, .
         `of` is none of the model's points, coordinates or stops, or no such index is wanted; or one is named, but not
         what it is of.
     """
-    system: Any = getattr(model, "system", model)
+    system = as_system(model)
     wanted = [name for name in check_indices(indices) if name in DISPLACEMENTS]
     if of is None and indices == ALL and len(system.mass) > 1:
         return None

@@ -330,3 +330,8 @@ class SharesCells(Protocol):
 def energy_loss(mass: float, restitution: float) -> float:
     """Return m (1 - r^2)/2, the energy lost in an impact of unit speed."""
     return 0.5 * mass * (1.0 - restitution) * (1.0 + restitution)
+
+
+def taken_by(mass: float, restitution: float, speed: Any) -> tuple[Any, Any]:
+    """Return the impulse in N s and the energy lost in J of impacts of one mass at some speeds."""
+    return mass * (1.0 + restitution) * speed, energy_loss(mass, restitution) * speed**2

@@ -21,7 +21,7 @@ from vibroimpact.backends.effects import (
     parts_of,
 )
 from vibroimpact.cells import Floats
-from vibroimpact.model.balance import depth_of
+from vibroimpact.model.balance import depth_of, law_of
 from vibroimpact.model.elements import Contact
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def courses_of(system: ImpactSystem, samples: Any, states: States) -> dict[str, 
     for at in np.unique(samples.impact_stop[rows]):
         stop, own = system.stops[at], samples.impact_stop[owners] == at
         depth, rate = depth_of(stop, system.omega, q[own], v[own], angles_of(turns[own]))
-        force = (stop.stiffness or 0.0) * depth + (stop.damping or 0.0) * rate
+        force = law_of(stop, depth, rate)
         of, spans = owners[own], panels[own]
         last = np.flatnonzero(np.diff(of, append=-1))
         contacts = of[last]

@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import block_matrix
-from vibroimpact.model.balance import depth_of, stop_forces
+from vibroimpact.model.balance import depth_of, law_of, stop_forces
 
 if TYPE_CHECKING:
     from vibroimpact.model.system import ImpactSystem
@@ -114,7 +114,7 @@ class Panels:
         for at, stop in enumerate(self.system.stops):
             if not stop.element.instantaneous:
                 depth, rate = self.depth(at)
-                levels[at] = depth @ FIT.T, ((stop.stiffness or 0.0) * depth + (stop.damping or 0.0) * rate) @ FIT.T
+                levels[at] = depth @ FIT.T, law_of(stop, depth, rate) @ FIT.T
         return levels
 
     def divides(self, rates: Rates) -> NDArray[np.bool_]:

@@ -26,7 +26,7 @@ from vibroimpact.backends.base import (
     SystemSamples,
     TimesWindow,
     Window,
-    energy_loss,
+    taken_by,
     with_stop_axis,
 )
 from vibroimpact.cells import Cells
@@ -163,14 +163,15 @@ def _of_system(cell: SystemCells, oscillator: dict[str, float], ahead: float, mo
 
     impacts, speed = turned(motion.impact_periods, motion.impact_phase), motion.impact_velocity
     looks = turned(motion.look_periods, motion.look_phase)
+    impulse, lost = taken_by(oscillator["mass"], oscillator["restitution"], speed)
     zeros, none = np.zeros(len(speed)), np.full(len(speed), np.nan)
     return SystemSamples(
         impact_periods=impacts[0],
         impact_phase=impacts[1],
         impact_stop=zeros.astype(np.int64),
         impact_velocity=speed,
-        impact_impulse=oscillator["mass"] * (1.0 + oscillator["restitution"]) * speed,
-        impact_energy=energy_loss(oscillator["mass"], oscillator["restitution"]) * speed**2,
+        impact_impulse=impulse,
+        impact_energy=lost,
         impact_simultaneous=zeros > 0.0,
         impact_force=none,
         impact_duration=none,

@@ -15,6 +15,7 @@ from vibroimpact.cli.options import Option, Options, with_options
 from vibroimpact.cli.study import Study, name_of, span_values, study_of
 from vibroimpact.cli.times import OWN
 from vibroimpact.compiling import before_compiling, clock
+from vibroimpact.model import as_system
 from vibroimpact.progress import Meter
 
 if TYPE_CHECKING:
@@ -49,8 +50,7 @@ def simulate(options: Options) -> None:
 
 def _with_own_load(study: Study) -> Study:
     """Return a study in whose pieces the load of the model stands where it was asked for by name."""
-    design = study.model.at()
-    own = getattr(design, "system", design).force
+    own = as_system(study.model.at()).force
     pieces = [(seconds, own if force == OWN else force) for seconds, force in study.settings["pieces"]]
     return replace(study, settings=study.settings | {"pieces": pieces})
 
@@ -81,7 +81,7 @@ def _motion(function: str, study: Study, options: Options) -> None:
     with refusing():
         if point is not None:
             design = study.model.at()
-            system = getattr(design, "system", design)
+            system = as_system(design)
             system.row_of(point)
     with refusing(), before_compiling(study.announce):
         dataset = _call(function, study)

@@ -28,7 +28,7 @@ from vibroimpact.continuation.results import (
 )
 from vibroimpact.dataset import dataset_of, flags, plain_variable, provenance
 from vibroimpact.indices import DISPLACEMENTS
-from vibroimpact.model import Model, check_model
+from vibroimpact.model import Model, as_system, check_model
 from vibroimpact.model.points import observed
 from vibroimpact.orbits.search import find_orbit
 from vibroimpact.orbits.systems.response import Response, Steady, response_of, steady_motion
@@ -97,7 +97,7 @@ class ResponseCurve(Shown):
 
     def _free(self, values: Floats) -> tuple[list[Response], Floats, Floats]:
         """Return responses, impacts and stability of the motion without contact."""
-        row, stop = observed(_system(self.model), self.of)
+        row, stop = observed(as_system(self.model.at()), self.of)
         motions = [_steady(self.model, self.parameter, value) for value in values.tolist()]
         rows = [NOTHING if motion is None else motion.response(row, stop) for motion in motions]
         return rows, np.zeros(len(rows), int), np.ones(len(rows), int)
@@ -189,11 +189,11 @@ def response_curve(
         raise invalid("axes", tuple(axes), "exactly one parameter with its range", "for example omega=(1.0, 2.0)")
     ((parameter, ends),) = axes.items()
     check_apart(axes, DISPLACEMENTS)
-    form = _system(model).modal()
+    form = as_system(model.at()).modal()
     if not (form.forces.any() or form.motions.any()):
         raise ValueError("the model has no periodic load and no moving stop; a response curve needs one")
     ends, longest = check_range(model, parameter, ends, None), check_share("step", step)
-    observed(_system(model), of)
+    observed(as_system(model.at()), of)
     values = _grid(model, parameter, ends, longest)
     free, touching = _without_contact(model, parameter, values)
     with reporter(progress, "orbits") as report:
@@ -213,14 +213,8 @@ def response_curve(
     return ResponseCurve(parameter, of, model, free, branches, message, arguments)
 
 
-def _system(model: Model, **values: float) -> Any:
-    """Return the design of a model as a system."""
-    design = model.at(**values)
-    return design.system if design.forgets else design
-
-
 def _steady(model: Model, parameter: str, value: float) -> Steady | None:
-    return steady_motion(_system(model, **{parameter: value}))
+    return steady_motion(as_system(model.at(**{parameter: value})))
 
 
 def _grid(model: Model, parameter: str, ends: Range, longest: float) -> Floats:
@@ -228,7 +222,7 @@ def _grid(model: Model, parameter: str, ends: Range, longest: float) -> Floats:
     values = np.linspace(*ends, math.ceil(1.0 / longest) + 1)
     if parameter not in ("omega", "frequency"):
         return values
-    form = _system(model).modal()
+    form = as_system(model.at()).modal()
     rates = np.sqrt(form.squares)
     widths = 0.5 * np.diag(form.damping)
     near = (rates + np.multiply.outer(AROUND, widths)).ravel() / (2.0 * math.pi if parameter == "frequency" else 1.0)

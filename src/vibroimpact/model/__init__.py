@@ -61,6 +61,11 @@ def check_model(model: Any, name: str = "osc") -> None:
         )
 
 
+def as_system(design: Any) -> Any:
+    """Return an oscillator as a system of one coordinate; a system as it is."""
+    return getattr(design, "system", design)
+
+
 def check_names(parameters: Mapping[str, Parameter], names: Iterable[str]) -> None:
     """Raise if names are not parameters, and suggest the one that was probably meant, also by its symbol."""
     for name in names:

@@ -31,6 +31,11 @@ def depth_of(stop: Stop, omega: float, q: Floats, v: Floats, angle: Floats) -> t
     return q @ stop.direction - stop.gap - stop.shift(angle), v @ stop.direction - stop.speed(angle, omega)
 
 
+def law_of(stop: Stop, depth: Floats, rate: Floats) -> Floats:
+    """Return k d + c d' of a compliant stop in N: its force while that is above zero."""
+    return (stop.stiffness or 0.0) * depth + (stop.damping or 0.0) * rate
+
+
 def accelerations(system: ImpactSystem, q: Floats, v: Floats, angle: Floats, forces: Floats) -> Floats:
     """Return the accelerations in states q, v at driving angles, under given forces of the stops."""
     push = system.force.at(angle, system.coordinates) - q @ system.stiffness.T - v @ system.damping.T

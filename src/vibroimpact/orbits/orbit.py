@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vibroimpact.backends.base import energy_loss
-from vibroimpact.model import Model, State, check_names
+from vibroimpact.backends.base import taken_by
+from vibroimpact.model import Model, State, as_system, check_names
 from vibroimpact.model.elements import Contact
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.model.units import in_own_unit
@@ -103,7 +103,7 @@ class Orbit(Shown):
     @property
     def system(self) -> ImpactSystem:
         """The system that has this orbit; one mass as a system."""
-        system: ImpactSystem = self.oscillator.system if self.oscillator.forgets else self.oscillator
+        system: ImpactSystem = as_system(self.oscillator)
         return system
 
     @cached_property
@@ -140,7 +140,8 @@ class Orbit(Shown):
     def contacts(self) -> tuple[Contact, ...]:
         """The impulse (N s) and the energy `lost` (J) of each impact."""
         mass, r = self.oscillator.mass, self.oscillator.restitution
-        return tuple(Contact(mass * (1.0 + r) * v, lost=energy_loss(mass, r) * v * v) for v in self.velocities)
+        effects = (taken_by(mass, r, v) for v in self.velocities)
+        return tuple(Contact(impulse, lost=lost) for impulse, lost in effects)
 
     @cached_property
     def impulses(self) -> tuple[float, ...]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from vibroimpact.model import as_system
 from vibroimpact.model.force import Force
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.equations import TURN
@@ -50,7 +51,7 @@ def find_of_energy(design: Any, energy: Any, mode: Any) -> Orbits[SystemOrbit]:
     if why := design.energy_changes:
         hint = "an orbit of a given energy needs a system without damping, load and loss at its stops"
         raise ValueError(f"`energy` was given, but the energy of the motion is not constant: {why}; {hint}")
-    system: ImpactSystem = design.system if design.forgets else design
+    system: ImpactSystem = as_system(design)
     if not system.periodic:  # each orbit has a frequency of its own
         system = ImpactSystem(**system.arguments() | {"force": Force(omega=1.0)})
     joules = real_number("energy", energy, "a number > 0, in J")
