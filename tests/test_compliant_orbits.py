@@ -354,9 +354,18 @@ def test_the_motion_from_rest_settles_to_the_orbit_with_its_impulses_forces_time
     ):
         mine = np.flatnonzero(np.isclose(hits["velocity"].values, velocity, rtol=1e-9))
         assert mine.size, stop
-        assert hits["impulse"].values[mine] == pytest.approx(impulse, rel=1e-9)
+        for name, expected in numbers_of(hits).items():
+            value = pytest.approx(getattr(contact, name), rel=1e-9, abs=1e-12, nan_ok=True)
+            assert expected[mine] == value or name == "exit_time", (stop, name)
         assert contact.impulse == impulse
     assert math.isnan(orbit.contacts[orbit.stops.index("below")].peak_force)
+
+
+def numbers_of(hits):
+    """Return the numbers of the contacts in a section by name, times counted from the beginning of each contact."""
+    names = "impulse", "energy_lost", "exit_velocity", "contact_time", "peak_force", "penetration"
+    since = {name: hits[name] - hits["time"] for name in ("exit_time", "peak_force_time", "penetration_time")}
+    return {name: values.values for name, values in ({name: hits[name] for name in names} | since).items()}
 
 
 def a_random_mixed_system(rng):
@@ -378,7 +387,7 @@ def a_random_mixed_system(rng):
 
 
 @pytest.mark.long
-def test_what_random_motions_settle_to_is_an_orbit_with_the_same_velocities_and_impulses():
+def test_what_random_motions_settle_to_is_an_orbit_with_the_same_velocities_and_contacts():
     rng, repeating = np.random.default_rng(17), 0
     for _ in range(40):
         system = a_random_mixed_system(rng)
@@ -395,10 +404,11 @@ def test_what_random_motions_settle_to_is_an_orbit_with_the_same_velocities_and_
         repeating += 1
         orbits = vi.find_orbit(system, n_periods=n, n_impacts=p)
         orbit = next(one for one in orbits if one.stable and one.admissible)
-        for name in ("velocity", "impulse"):
-            expected = np.sort(hits[name].values[-1 - p : -1])
-            values = np.sort(orbit.velocities if name == "velocity" else orbit.impulses)
-            assert values == pytest.approx(expected, rel=1e-6), system
+        order, mine = np.argsort(hits["velocity"].values[-1 - p : -1]), np.argsort(orbit.velocities)
+        for name, values in ({"velocity": hits["velocity"].values} | numbers_of(hits)).items():
+            of_orbit = orbit.velocities if name == "velocity" else [getattr(each, name) for each in orbit.contacts]
+            expected = pytest.approx(values[-1 - p : -1][order], rel=1e-6, abs=1e-9, nan_ok=True)
+            assert np.array(of_orbit)[mine] == expected, (system, name)
         assert np.prod(orbit.multipliers).real == pytest.approx(orbit.determinant, abs=1e-9)
     assert repeating >= 15
 
@@ -407,7 +417,9 @@ def test_what_random_motions_settle_to_is_an_orbit_with_the_same_velocities_and_
 def test_over_a_cycle_the_force_does_the_work_that_dampers_and_stops_take(system):
     orbit = of_one_stop(vi.find_orbit(system, n_impacts=len(system.stops)))
     lost = sum(
-        contact.lost if stop.compliant else 0.5 * (1.0 - stop.restitution**2) / (1.0 + stop.restitution) * speed * kick
+        contact.energy_lost
+        if stop.compliant
+        else 0.5 * (1.0 - stop.restitution**2) / (1.0 + stop.restitution) * speed * kick
         for contact, speed, kick, stop in (
             (contact, speed, kick, next(each for each in system.stops if each.name == name))
             for contact, speed, kick, name in zip(

@@ -21,15 +21,6 @@ if TYPE_CHECKING:
     from vibroimpact.model.system import ImpactSystem
 
 
-# The variables of how contacts go.
-COURSES = {
-    "exit": "exit_time",
-    "exit_velocity": "exit_velocity",
-    "peak": "peak_force_time",
-    "deepest": "penetration_time",
-}
-
-
 def in_seconds(model: Any, periods: Any, phase: Any) -> Any:
     """Return times in s from whole driving periods and phases."""
     return (periods + phase) * model.period
@@ -63,10 +54,8 @@ def trajectory_of(samples: Any, model: Any) -> dict[str, xr.Variable]:
     return motion | stops | impacts | contacts | _rests(model, samples)
 
 
-def taken_by_stops(
-    samples: Any, model: Any, impulses: Floats, courses: dict[str, Floats] | None = None
-) -> dict[str, xr.Variable]:
-    """Return what stops take: forces over time; the impulses of rests and the courses of contacts, which are given.
+def taken_by_stops(samples: Any, model: Any, impulses: Floats) -> dict[str, xr.Variable]:
+    """Return what stops take: forces over time, and the impulses of rests, which are given.
 
     The force of a rigid stop is that of a rest, and zero otherwise: an impact on it has an impulse but no force.
     """
@@ -78,7 +67,7 @@ def taken_by_stops(
     if _is_plain(samples):
         speeds = samples.impact_velocity
         return taken | {"force": variable("force", "time", forces[:, 0])} | impulses_of(model, speeds)
-    return taken | {"force": variable("force", ("time", "stop"), forces)} | _courses(model, courses or {})
+    return taken | {"force": variable("force", ("time", "stop"), forces)}
 
 
 def impulses_of(oscillator: Any, speeds: Floats) -> dict[str, xr.Variable]:
@@ -90,26 +79,10 @@ def impulses_of(oscillator: Any, speeds: Floats) -> dict[str, xr.Variable]:
     return {name: variable(name, "impact", column) for name, column in columns.items()}
 
 
-def _courses(system: ImpactSystem, courses: dict[str, Floats]) -> dict[str, xr.Variable]:
-    """Return how contacts go: speeds, and times in s if a stop is compliant."""
-    soft, columns = any(not stop.element.instantaneous for stop in system.stops), {}
-    for key, name in COURSES.items():
-        if key in courses and (soft or key == "exit_velocity"):
-            values = courses[key] * (1.0 if key == "exit_velocity" else system.period)
-            columns[name] = variable(name, "impact", values)
-    return columns
-
-
-def labelled_impacts(
-    samples: Any,
-    model: Any,
-    attrs: dict[str, str],
-    impulses: Floats | None = None,
-    courses: dict[str, Floats] | None = None,
-) -> xr.Dataset:
+def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str], impulses: Floats | None = None) -> xr.Dataset:
     """Return the impacts in a window, as `impact_section` does: times, phases, stops, velocities and effects.
 
-    `impulses` are those of the rests, `courses` how contacts go.
+    `impulses` are those of the rests.
     """
     columns = {
         "time": variable("time", "impact", in_seconds(model, samples.impact_periods, samples.impact_phase)),
@@ -120,7 +93,6 @@ def labelled_impacts(
         several = {"long_name": "whether other stops are struck at the same instant"}
         columns |= {
             **_contacts(model, samples),
-            **_courses(model, courses or {}),
             "stop": _stops(model, "impact", samples.impact_stop, "stop that is struck"),
             "simultaneous": plain_variable("impact", samples.impact_simultaneous, several),
         }
@@ -146,8 +118,10 @@ def _is_plain(samples: Any) -> bool:
 
 def _contacts(system: ImpactSystem, samples: Any) -> dict[str, Any]:
     """Return the quantities that stops of these kinds report for every contact."""
-    fields = {name: REPORTS[name].field for name in reports_of(system.stops)}
-    columns = {name: variable(name, "impact", getattr(samples, field)) for name, field in fields.items()}
+    begins, columns = in_seconds(system, samples.impact_periods, samples.impact_phase), {}
+    for name in reports_of(system.stops):
+        values = getattr(samples, REPORTS[name].field)
+        columns[name] = variable(name, "impact", begins + values if REPORTS[name].since else values)
     angles = [math.nan if stop.angle is None else stop.angle for stop in system.stops]
     if np.isfinite(angles).any():
         columns["angle"] = variable("angle", "impact", np.array(angles)[samples.impact_stop])

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from vibroimpact.backends import TimesWindow
-from vibroimpact.backends.courses import Course, contact_within, courses_of
+from vibroimpact.backends.contacts import contact_within
 from vibroimpact.backends.effects import States
 from vibroimpact.backends.rests import rest_impulses
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import status_variable
-from vibroimpact.labels import COURSES, taken_by_stops, trajectory_of
+from vibroimpact.labels import taken_by_stops, trajectory_of
 from vibroimpact.model import as_system
 from vibroimpact.model.balance import clearances
 from vibroimpact.model.elements import REPORTS, Contact
@@ -88,9 +88,7 @@ class Pieces:
             samples = run.samples_of(system, cells, TimesWindow.of(turns[1:], turns[0]))
             states = run.states(system, cells, now, float(turns[-1] - turns[0]))
             impulses = rest_impulses(system, samples, -math.inf, float(turns[-1]), states)
-            part = trajectory_of(samples, system) | taken_by_stops(
-                samples, system, impulses, courses_of(system, samples, states)
-            )
+            part = trajectory_of(samples, system) | taken_by_stops(samples, system, impulses)
             seconds = as_given(part["time"].values, looks)
             part["time"] = part["time"].copy(data=seconds)
             kept = {name: each[: len(own)] if each.dims[0] == "time" else each for name, each in part.items()}
@@ -152,25 +150,19 @@ class _Divided(NamedTuple):
 
     part: dict[str, Any]
     row: int
-    taken: Contact = Contact(*[0.0] * len(Contact._fields))
-    course: Course = Course()
+    taken: Contact = Contact(0.0, 0.0, 0.0, 0.0, 0.0)
 
     def followed(self, stop: int, begin: float, end: float, within: Callable[..., Any]) -> _Divided | None:
         """Return the contact at the end of a span, in driving periods, after listing it; None if it is over by then."""
-        length, over = BRIEF, False
+        length, over, since = BRIEF, False, self.part["impact_time"].values[self.row]
         while not over and length < 4.0 * (end - begin) + BRIEF:
-            more, goes, over, pushes = within(stop, (begin, min(begin + length, end)))
+            more, over, pushes = within(stop, (begin, min(begin + length, end)), since)
             length *= 4.0
-        taken, course = self.taken.joined(more), self.course
-        if more.contact_time:
-            peak = goes.peak if more.peak_force > self.taken.peak_force else course.peak
-            deepest = goes.deepest if more.penetration > self.taken.penetration else course.deepest
-            course = Course(goes.exit, goes.exit_velocity, peak, deepest)
-        values = {name: getattr(taken, name) for name in REPORTS}
-        values |= {COURSES[name]: value for name, value in course._asdict().items()}
-        for name, value in values.items():
+        taken = self.taken.joined(more)
+        for name, report in REPORTS.items():
+            value = getattr(taken, name) + since * report.since
             self.part[name].values[self.row] = math.nan if pushes else value
-        return None if over else self._replace(taken=taken, course=course)
+        return None if over else self._replace(taken=taken)
 
 
 def _divided(

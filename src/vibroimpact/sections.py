@@ -21,7 +21,6 @@ from vibroimpact.backends import (
     check_takes,
     get_backend,
 )
-from vibroimpact.backends.courses import courses_of
 from vibroimpact.backends.effects import States
 from vibroimpact.backends.rests import rest_impulses
 from vibroimpact.cells import Floats
@@ -101,8 +100,8 @@ class Followed:
 
         return states
 
-    def taken(self, samples: Any, window: Window, skips: bool = True) -> tuple[Floats, dict[str, Floats]]:
-        """Return the impulse in N s of each rest in the samples in a window, within their time, and how contacts go.
+    def rest_impulses(self, samples: Any, window: Window, skips: bool = True) -> Floats:
+        """Return the impulse in N s of each rest in the samples in a window, within their time.
 
         If it `skips` nothing, what comes before the first sample counts.
         """
@@ -112,9 +111,7 @@ class Followed:
             times, length = samples.look_periods + samples.look_phase, window.length
         first, last = (float(times[0]), float(times[-1])) if len(times) else (math.inf, -math.inf)
         states = self.states(self.design, self.cells, self.begin, length)
-        system = as_system(self.design)
-        impulses = rest_impulses(system, samples, first if skips else -math.inf, last, states)
-        return impulses, courses_of(system, samples, states)
+        return rest_impulses(as_system(self.design), samples, first if skips else -math.inf, last, states)
 
     def check_cost(self, window: Window) -> None:
         """Raise if memory cannot hold the samples, or if fixed steps would take too long."""
@@ -239,7 +236,7 @@ def impact_section(
     window = ImpactWindow(sampling.transient_impacts, sampling.sample_impacts)
     samples = orbit.samples(window)
     how = orbit.provenance("impact_section", transient_impacts=window.transient, sample_impacts=window.keep)
-    return labelled_impacts(samples, orbit.design, how, *orbit.taken(samples, window))
+    return labelled_impacts(samples, orbit.design, how, orbit.rest_impulses(samples, window))
 
 
 def stroboscopic_section(

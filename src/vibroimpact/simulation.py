@@ -168,7 +168,7 @@ def simulate(
     else:
         samples, attrs = run.samples(window), run.provenance("simulate", **how)
         variables = trajectory_of(samples, design)
-        variables |= taken_by_stops(samples, design, *run.taken(samples, window, bool(skip_periods)))
+        variables |= taken_by_stops(samples, design, run.rest_impulses(samples, window, bool(skip_periods)))
         variables["status"] = status_variable((), samples.status)
         if times is not None:
             variables["time"] = variables["time"].copy(data=as_given(variables["time"].values, seconds))

@@ -208,8 +208,10 @@ class SystemSamples:
     """Samples of one system's motion in a window; times in whole `periods` plus `phase`.
 
     `impact_*`: recorded impacts: number of the `stop`, speed in m/s, impulse in N s, energy lost in J, whether other
-    stops were struck at the same instant, and for compliant stops (else NaN) the peak force in N, the contact time in s
-    and the penetration in m; for an unfinished contact all but the speed are NaN. `look_*`: coordinates and velocities,
+    stops were struck at the same instant, the time in s from the impact to the end of its force, and the speed of
+    separation there in m/s; for compliant stops (else NaN) the peak force in N, the time in s for which it pushed, the
+    penetration in m, and the times in s from the impact to the largest force and penetration; for an unfinished contact
+    all but the speed are NaN. `look_*`: coordinates and velocities,
     one row per sample. `rest_*`: the stop that closed, when it closed, and when it was released (NaN if it was not).
     `last_*`: the final state, from which to continue.
     """
@@ -224,6 +226,10 @@ class SystemSamples:
     impact_force: Floats
     impact_duration: Floats
     impact_depth: Floats
+    impact_exit: Floats
+    impact_exit_velocity: Floats
+    impact_peak: Floats
+    impact_deepest: Floats
     look_periods: Floats
     look_phase: Floats
     look_displacement: Floats

@@ -200,11 +200,18 @@ def _divided(ends: Floats, cuts: list[list[float]]) -> Floats:
 def parts_of(spans: Any, system: ImpactSystem, samples: Any, rests: Rests) -> Floats:
     """Return the ends of the parts without events of spans of a motion, in driving periods, ascending."""
     impacts = samples.impact_periods + samples.impact_phase
-    over = impacts + np.nan_to_num(getattr(samples, "impact_duration", 0.0 * impacts)) / system.period
-    edges = np.unique([*impacts, *over, *rests.begins, *rests.ends, *np.ravel(spans)])
+    over = impacts + np.nan_to_num(getattr(samples, "impact_exit", 0.0 * impacts)) / system.period
+    bounds = np.sort(np.reshape(spans, (-1, 2)), axis=0).T
+
+    def within(times: Floats) -> NDArray[np.bool_]:
+        begun, ended = (np.searchsorted(ends, times) for ends in bounds)
+        inside: NDArray[np.bool_] = begun > ended
+        return inside
+
+    events = np.concatenate([impacts, over, rests.begins, rests.ends])
+    edges = np.unique(np.concatenate([events[within(events)], np.ravel(spans)]))
     parts: Floats = np.column_stack([edges[:-1], edges[1:]])
-    begun, ended = (np.searchsorted(np.sort(times), parts.mean(axis=1)) for times in np.reshape(spans, (-1, 2)).T)
-    kept: Floats = parts[(begun > ended) & (parts[:, 1] - parts[:, 0] > SHORT)]
+    kept: Floats = parts[within(parts.mean(axis=1)) & (parts[:, 1] - parts[:, 0] > SHORT)]
     return kept
 
 

@@ -31,7 +31,9 @@ def rest_impulses(system: ImpactSystem, samples: Any, first: float, last: float,
     It contains the shares of impacts on other stops. A rest that ends before the first time has none.
     """
     rests = Rests(samples, last, first)
-    asked = np.flatnonzero(rests.ends > rests.begins)
+    impulses, asked = np.zeros(len(rests.ends)), np.flatnonzero(rests.ends > rests.begins)
+    if not len(asked):
+        return impulses
     spans, stops = np.column_stack([rests.begins, rests.ends])[asked], rests.stops[asked]
     parts = parts_of(spans, system, samples, rests)
     if system.coordinates == 1:  # a closed stop determines the state
@@ -41,7 +43,6 @@ def rest_impulses(system: ImpactSystem, samples: Any, first: float, last: float,
 
     forces = _taken(system, parts, rests, states)
     rows = np.searchsorted(parts.mean(axis=1), spans)
-    impulses = np.zeros(len(rests.ends))
     impulses[asked] = [forces[slice(*row), stop].sum() for row, stop in zip(rows.tolist(), stops, strict=True)]
     if system.coordinates > 1:
         impulses += _shares(system, samples, rests, spans, states)

@@ -55,12 +55,16 @@ BLOCKS: Mapping[str, Block] = MappingProxyType(
 
 
 class Report(NamedTuple):
-    """A quantity that is reported for every contact: its label, and the field of samples that holds it."""
+    """A quantity that is reported for every contact: its label, and the field of samples that holds it.
+
+    A time `since` the impact in that field is listed as a time.
+    """
 
     long_name: str
     unit: str
     symbol: str
     field: str
+    since: bool = False
 
 
 REPORTS: Mapping[str, Report] = MappingProxyType(
@@ -70,29 +74,47 @@ REPORTS: Mapping[str, Report] = MappingProxyType(
         "peak_force": Report("largest force of the contact", "N", "F", "impact_force"),
         "contact_time": Report("duration of the contact", "s", "t_c", "impact_duration"),
         "penetration": Report("deepest penetration of the contact", "m", "d", "impact_depth"),
+        "exit_velocity": Report("speed of separation at the end of the contact", "m/s", "v", "impact_exit_velocity"),
+        "exit_time": Report("time of the end of the contact", "s", "t", "impact_exit", True),
+        "peak_force_time": Report("time of the largest force of the contact", "s", "t", "impact_peak", True),
+        "penetration_time": Report("time of the deepest penetration of the contact", "s", "t", "impact_deepest", True),
     }
 )
 
 
 class Contact(NamedTuple):
-    """One impact: impulse (N s); loss (J); contact time (s), peak force (N), penetration (m), NaN on rigid stops."""
+    """One impact: impulse (N s), contact time (s), peak force (N), penetration (m), loss (J), exit velocity (m/s).
+
+    Then how long after the impact, in s, its force ends, and force and penetration are largest. Contact time, largest
+    values and their times are NaN on rigid stops.
+    """
 
     impulse: float
     contact_time: float = math.nan
     peak_force: float = math.nan
     penetration: float = math.nan
-    lost: float = math.nan
-
-    @property
-    def energy_lost(self) -> float:
-        """The loss, by its name in results."""
-        return self.lost
+    energy_lost: float = math.nan
+    exit_velocity: float = math.nan
+    exit_time: float = math.nan
+    peak_force_time: float = math.nan
+    penetration_time: float = math.nan
 
     def joined(self, other: Contact) -> Contact:
-        """Return what both parts of one contact come to together."""
-        times = self.contact_time + other.contact_time, max(self.peak_force, other.peak_force)
-        depth, lost = max(self.penetration, other.penetration), self.lost + other.lost
-        return Contact(self.impulse + other.impulse, *times, depth, lost)
+        """Return what this part of a contact and a later one come to together."""
+        if not other.contact_time:
+            return self
+        harder, deeper = other.peak_force > self.peak_force, other.penetration > self.penetration
+        return Contact(
+            self.impulse + other.impulse,
+            self.contact_time + other.contact_time,
+            other.peak_force if harder else self.peak_force,
+            other.penetration if deeper else self.penetration,
+            self.energy_lost + other.energy_lost,
+            other.exit_velocity,
+            other.exit_time,
+            other.peak_force_time if harder else self.peak_force_time,
+            other.penetration_time if deeper else self.penetration_time,
+        )
 
 
 class Element(ABC):
@@ -120,7 +142,7 @@ class Element(ABC):
     holds: ClassVar[str]
     takes: ClassVar[tuple[str, ...]]
     instead: ClassVar[Mapping[str, str]]
-    reports: ClassVar[tuple[str, ...]] = ("impulse", "energy_lost")
+    reports: ClassVar[tuple[str, ...]] = ("impulse", "energy_lost", "exit_velocity")
     instantaneous: ClassVar[bool]
     impenetrable: ClassVar[bool]
 
@@ -247,7 +269,7 @@ class Compliant(Element):
     word, holds = "compliant", "pressed into"
     takes = ("stiffness", "damping")
     instead = MappingProxyType({"restitution": "give `damping` instead"})
-    reports = (*Element.reports, "peak_force", "contact_time", "penetration")
+    reports = tuple(REPORTS)
     instantaneous = impenetrable = False
 
     stiffness: float

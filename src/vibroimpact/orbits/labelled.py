@@ -10,7 +10,7 @@ import numpy as np
 
 from vibroimpact.dataset import dataset_of, flags, impact_speed, plain_variable, provenance, variable
 from vibroimpact.model import Model
-from vibroimpact.model.elements import reports_of
+from vibroimpact.model.elements import REPORTS, reports_of
 from vibroimpact.orbits.results import Orbits
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ def _struck(orbits: Orbits[Any], p: int, design: Any) -> dict[str, xr.Variable]:
     columns = {
         name: variable(name, dims, rows_of([[getattr(each, name) for each in orbit.contacts] for orbit in orbits], p))
         for name in reports_of(design.stops)
+        if not REPORTS[name].since
     }
     if design.says_all:
         return columns

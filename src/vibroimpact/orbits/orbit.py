@@ -138,10 +138,12 @@ class Orbit(Shown):
 
     @cached_property
     def contacts(self) -> tuple[Contact, ...]:
-        """The impulse (N s) and the energy `lost` (J) of each impact."""
+        """The impulse (N s), the energy lost (J) and the speed of separation (m/s) of each impact."""
         mass, r = self.oscillator.mass, self.oscillator.restitution
-        effects = (taken_by(mass, r, v) for v in self.velocities)
-        return tuple(Contact(impulse, lost=lost) for impulse, lost in effects)
+        effects = ((v, *taken_by(mass, r, v)) for v in self.velocities)
+        return tuple(
+            Contact(impulse, energy_lost=lost, exit_velocity=r * v, exit_time=0.0) for v, impulse, lost in effects
+        )
 
     @cached_property
     def impulses(self) -> tuple[float, ...]:

@@ -14,11 +14,13 @@ from vibroimpact.backends.scalar import aligned, ended_as
 from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.held import InMemory
 from vibroimpact.kernels.systems import march, walk
+from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.vectors import LANES
 from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.status import Status
 
 _STEPS = 1 << 14  # steps of all lanes between checks for an interrupt
+_OF_CONTACTS = [4, *range(6, walk.IMPACT)]  # what is known of an impact once its contact is over
 _ROOM = 4096  # rows of a buffer, which is emptied when full
 
 
@@ -45,7 +47,7 @@ class _Recorder:
         wide = min(len(cells), LANES)
         self._times = np.zeros((wide, 2, looks))
         self._schedule = walk.Schedule(float(looks), self._times)
-        impacts, rests = np.zeros((wide, _ROOM, 10)), np.zeros((wide, _ROOM, 5))
+        impacts, rests = np.zeros((wide, _ROOM, walk.IMPACT)), np.zeros((wide, _ROOM, 5))
         filled = np.zeros((wide, 3), np.int64)
         self._buffers = walk.Record(impacts, np.zeros((wide, looks, 2 * k.modes)), rests, filled)
         owner, ends = np.full(LANES, -1), np.full(LANES, walk.GOES_ON)
@@ -95,7 +97,10 @@ class _Recorder:
         k, (hits, rested) = self._layout, self._recorded[lane]
         impacts, _, rests, filled = (rows[lane] for rows in self._buffers)
         entries, ended = self._rows[k.entry : k.entry + k.stops, lane], self._busy.ends[lane] != RUNNING
-        number = int(filled[0])
+        number, pushes = int(filled[0]), self._rows[k.kind : k.kind + k.stops, lane] >= CLOSED
+        if ended:  # a contact that goes on after its stop let go is not over
+            unfinished = entries[pushes & (entries > 0.0)].astype(int) - 1
+            impacts[np.ix_(unfinished, _OF_CONTACTS)] = math.nan
         gone = number if ended else int(entries[entries > 0.0].min(initial=number + 1.0)) - 1
         hits.append(impacts[:gone].copy())
         impacts[: number - gone] = impacts[gone:number].copy()
@@ -137,6 +142,10 @@ class _Recorder:
             impact_force=impacts[:, 6] / h**2,
             impact_duration=impacts[:, 7] * h,
             impact_depth=impacts[:, 8],
+            impact_exit=impacts[:, 10] * h,
+            impact_exit_velocity=impacts[:, 11] / h,
+            impact_peak=impacts[:, 12] * h,
+            impact_deepest=impacts[:, 13] * h,
             look_periods=times[0, : len(looks)].copy(),
             look_phase=times[1, : len(looks)].copy(),
             look_displacement=looks[:, :n] @ shapes.T,
@@ -167,8 +176,8 @@ def _within_looks(
     """Return the impacts and rests up to the last sample, and the status of a full window; `step` is in periods."""
     last = looks[-1]  # the step beyond it may end at an impact
     impacts = impacts[impacts[:, 0] + impacts[:, 1] <= last]
-    over = impacts[:, 0] + impacts[:, 1] + impacts[:, 7] * step
-    impacts[np.ix_(over > last, [4, 6, 7, 8, 9])] = math.nan  # an unfinished contact
+    over = impacts[:, 0] + impacts[:, 1] + impacts[:, 10] * step
+    impacts[np.ix_(over > last, _OF_CONTACTS)] = math.nan  # an unfinished contact
     rests = rests[rests[:, 1] + rests[:, 2] <= last]
     rests[rests[:, 3] + rests[:, 4] > last, 3:] = math.nan
     return impacts, rests, looks_status(rests[:, 1:], looks[0], ended == Status.STUCK_FOREVER)

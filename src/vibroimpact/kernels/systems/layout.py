@@ -30,22 +30,23 @@ def _sizes(
     restitution failed. Of compliant stops `leaving` says which one has let go and is still pushed in, `engaged`
     counts those and the ones that push, `pace` is the length of a step while they do, as a part of it, and `thrust`,
     `work`, `pushed`, `peak` and `depth` are impulse, energy taken, time, largest force and penetration of the
-    contact; `drained` is the energy that dampers took; `swing` and `strength` are the sums of `swing` over a
-    direction's displacement and the stops' forces. From `fixed` up to `constants` they are constant, with what it
-    takes to reach a stop (`barrier` and `growth` of `reach`), the addresses of laws of restitution (`law`,
-    0 where it is a number), the length of a step in s (`tick`), the flows of leaps, `halves`, `wholes`, `fars` and
-    those `within` contacts, `flow` numbers a mode, and `lift`, what accelerates the clearances. Of far leaps `slow`
-    and `drawn` are the parts of `alpha` and `lift` that slow modes have, and `reach` is how far fast ones swing. Of a
-    free centre `neutral` marks the amplitudes and rates that nothing depends on: no deviation counts there; `along` is
-    the direction of `swing`. From `pairs` on it is room to work.
+    contact, `peaked` and `deepest` the times of these two; `drained` is the energy that dampers took; `swing` and
+    `strength` are the sums of `swing` over a direction's displacement and the stops' forces. From `fixed` up to
+    `constants` they are constant, with what it takes to reach a stop (`barrier` and `growth` of `reach`), the addresses
+    of laws of restitution (`law`, 0 where it is a number), the length of a step in s (`tick`), the flows of leaps,
+    `halves`, `wholes`, `fars` and those `within` contacts, `flow` numbers a mode, and `lift`, what accelerates the
+    clearances. Of far leaps `slow` and `drawn` are the parts of `alpha` and `lift` that slow modes have, and `reach` is
+    how far fast ones swing. Of a free centre `neutral` marks the amplitudes and rates that nothing depends on: no
+    deviation counts there; `along` is the direction of `swing`. From `pairs` on it is room to work.
     """
     leap = n * flow + 2 + s * (1 + 2 * n)
     return {
         "eta": n, "rate": n, "turn": 3, "kind": s, "age": 1, "steps": 1, "closed": 1, "lawless": 1,
         "deta": n, "drate": n, "reference": (2 * n + 2) * (thorough or swinging), "missed": s * thorough,
         "remote": s, "leaving": s, "engaged": 1, "pace": 1, "thrust": s, "work": s, "pushed": s, "peak": s, "depth": s,
-        "entry": s, "drained": 1, "swing": SWING * swinging, "strength": s * swinging,
-        "passed": 1, "which": 1, "hit": 1, "calm": 1, "held": s * s, "fixed": 0,
+        "peaked": s * compliant, "deepest": s * compliant, "entry": s, "drained": 1,
+        "swing": SWING * swinging, "strength": s * swinging, "passed": 1, "which": 1, "hit": 1, "calm": 1,
+        "held": s * s, "fixed": 0,
         "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
         "gap": s, "motion": 2 * m * s, "restitution": s, "law": s, "tick": 1,
         "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,

@@ -60,7 +60,10 @@ NODES = (
 
 @deferred("forces of stops", 1)
 def account(rows, end, k, wide):
-    """Add what the stops did over a step that is about to be made: impulse, energy taken, time, and the extremes."""
+    """Add what the stops did over a step that is about to be made: impulse, energy taken, time, and the extremes.
+
+    The times of extremes are counted as that in which the stop pushes.
+    """
     pace = get(rows, k.pace, wide)
     for z in range(k.stops):
         pushes = get(rows, k.kind + z, wide) >= CLOSED
@@ -68,12 +71,13 @@ def account(rows, end, k, wide):
         if anywhere(damped):
             _take(rows, z, damped, end, pace, k, wide)
         if anywhere(pushes):
-            force = load(rows, k.hold + z * SIZE, wide)
+            force, depth = load(rows, k.hold + z * SIZE, wide), times(clearances(rows, z, pace, k, wide), -1.0)
             _add(rows, k.thrust + z, wide, pushes, integral(force, end) / pace)
-            _add(rows, k.pushed + z, wide, pushes, end * pace)
-            _raise(rows, k.peak + z, wide, pushes, _largest(times(force, 1.0 / (pace * pace)), end, pushes))
-            depth = times(clearances(rows, z, pace, k, wide), -1.0)
-            _raise(rows, k.depth + z, wide, pushes, _largest(depth, end, pushes))
+            since = get(rows, k.pushed + z, wide)
+            force = times(force, 1.0 / (pace * pace))
+            _raise(rows, k.peak + z, k.peaked + z, wide, pushes, since, pace, *_largest(force, end, pushes))
+            _raise(rows, k.depth + z, k.deepest + z, wide, pushes, since, pace, *_largest(depth, end, pushes))
+            put(rows, k.pushed + z, wide, since + select(pushes, end * pace, 0.0))
 
 
 @inner(forceinline=True)
@@ -90,10 +94,12 @@ def _take(rows, z, damped, end, pace, k, wide):
 
 @inner(forceinline=True)
 def _largest(series, end, pushes):
-    """Return the largest value of a series on the way to `end`."""
+    """Return the largest value of a series on the way to `end`, and where it is."""
     a = coefficients(times(series, -1.0))
     last, _ = valued(a, end)
-    return -trough(a, end, pushes, select(a[0] < last, a[0], last))
+    falls = a[0] < last
+    lowest, place = trough(a, end, pushes, select(falls, a[0], last), select(falls, 0.0, end))
+    return -lowest, place
 
 
 @inner
@@ -117,9 +123,10 @@ def _add(rows, row, wide, where, more):
 
 
 @inner(forceinline=True)
-def _raise(rows, row, wide, where, value):
-    largest = get(rows, row, wide)
-    put(rows, row, wide, select(where & (value > largest), value, largest))
+def _raise(rows, row, time, wide, where, since, pace, value, place):
+    higher = where & (value > get(rows, row, wide))
+    put(rows, row, wide, select(higher, value, get(rows, row, wide)))
+    put(rows, time, wide, select(higher, since + place * pace, get(rows, time, wide)))
 
 
 @inner(forceinline=True)

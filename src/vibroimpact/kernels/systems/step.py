@@ -155,7 +155,8 @@ def miss(rows, z, end, flown, held, k, wide):
     flown = flown & (kind < CLOSED)
     if k.compliant:
         flown = flown & (get(rows, k.leaving + z, wide) <= 0.0)
-    put(rows, k.missed + z, wide, trough(a, end, flown, get(rows, k.missed + z, wide)))
+    missed, _ = trough(a, end, flown, get(rows, k.missed + z, wide), 0.0 * end)
+    put(rows, k.missed + z, wide, missed)
 
 
 @inner(forceinline=True)

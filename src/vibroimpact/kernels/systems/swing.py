@@ -74,9 +74,10 @@ def _stretch(rows, a, end, k, wide):
     low, high, turning = least(low, lower), most(high, higher), abs(a[1] + rate) <= bound * end
     falls, rises = turning & (lower - sag < low), turning & (higher + sag > high)
     if anywhere(falls):
-        low = trough(a, end, falls, low)
+        low, _ = trough(a, end, falls, low, 0.0 * end)
     if anywhere(rises):
-        high = -trough(times(a, -1.0), end, rises, -high)
+        lowest, _ = trough(times(a, -1.0), end, rises, -high, 0.0 * end)
+        high = -lowest
     put(rows, k.swing + LEAST, wide, low)
     put(rows, k.swing + LARGEST, wide, high)
 

@@ -25,10 +25,11 @@ def _zero(a, wanted, low, high, y0, y1):
 
 
 @inner
-def trough(a, end, flown, least):
+def trough(a, end, flown, least, place):
     """Return the least of a number and of a polynomial where its rate rises through zero on the way to `end`.
 
-    The rate is looked at four times on the way, and where it turns between two looks, if it comes nearer to zero there.
+    Then return the `place` of that number, or where the polynomial is less. The rate is looked at four times on the
+    way, and where it turns between two looks, if it comes nearer to zero there.
     """
     c = rates(a)
     after, slope_after = valued(c, 0.0 * end)
@@ -46,6 +47,7 @@ def trough(a, end, flown, least):
             low, p0 = select(dips, x, low), select(dips, p, p0)
             rises = rises | before | dips
         if anywhere(rises):
-            y, _ = valued(a, _zero(c, rises, low, high, p0, p1))
-            least = select(rises & (y < least), y, least)
-    return least
+            x = _zero(c, rises, low, high, p0, p1)
+            y, _ = valued(a, x)
+            place, least = select(rises & (y < least), x, place), select(rises & (y < least), y, least)
+    return least, place

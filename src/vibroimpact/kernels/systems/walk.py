@@ -19,6 +19,7 @@ from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.leap import HALF
 from vibroimpact.kernels.systems.march import GRANTED, HITS, STEPS, ending, happen, lasting_is_due, moment
 from vibroimpact.kernels.systems.pressed import in_contact, is_pressed, repetition_is_due
+from vibroimpact.kernels.systems.push import stands
 from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.series import SIZE, evaluate, load
 from vibroimpact.kernels.systems.step import BACK, fly_on, fly_one
@@ -29,10 +30,10 @@ from vibroimpact.kernels.vectors import LANES, anywhere, get, put, select
 class Record(NamedTuple):
     """Rows of what is observed of the cell in each lane, and how many of each are filled.
 
-    Impacts: periods, phase, stop, speed, impulse, whether others were struck at once, and of compliant stops the
-    largest force, the time, the penetration and the energy taken, NaN until the contact is over. Looks: eta, then its
-    rate. Rests: stop, periods and phase of its beginning, and of its end (NaN until then). Time is counted in steps in
-    rates.
+    Impacts: periods, phase, stop, speed, impulse, whether others were struck at once; of compliant stops the largest
+    force, the time, the penetration and the energy taken, when the force ended, the speed then, and when force and
+    penetration were largest, after the impact, NaN until the contact is over. Looks: eta, then its rate. Rests: stop,
+    periods and phase of its beginning, and of its end (NaN until then). Time is counted in steps in rates.
     """
 
     impacts: Any
@@ -60,6 +61,7 @@ class Busy(NamedTuple):
     spare: Any
 
 
+IMPACT = 14  # numbers of an impact
 GOES_ON = -1  # beside the ends of cells
 SLACK = 1e-9  # periods: looks that are so little ahead may be behind, but for rounding
 
@@ -131,12 +133,12 @@ def _count(record, lane, note, window):
 
 @inner
 def _record_usual(lanes, lane, k, record, note, window):
-    """Leave a row for the usual impact that ended a lane's step; `near` has its speed, impulse and energy."""
+    """Leave a row for the usual impact that ended a lane's step; `near` has its speeds, impulse and energy."""
     row = record.impacts[lane, _count(record, lane, note, window)]
     near, turn = k.near * LANES + lane, k.turn * LANES + lane
     row[0], row[1] = moment(lanes[turn], lanes[turn + LANES], lanes[turn + 2 * LANES])
     row[2], row[3], row[4], row[5] = lanes[k.which * LANES + lane], lanes[near], lanes[near + LANES], 0.0
-    row[6:9], row[9] = math.nan, lanes[near + 2 * LANES]
+    row[6:], row[9], row[10], row[11] = math.nan, lanes[near + 2 * LANES], 0.0, lanes[near + 3 * LANES]
 
 
 @inner
@@ -153,8 +155,9 @@ def _record(rows, k, room, note, record, lane, struck, window):
             row, gives = record.impacts[lane, _count(record, lane, note, window)], rows[k.spring + z] > 0.0
             row[0], row[1] = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
             row[2], row[3], row[4], row[5] = z, room.speed[z], math.nan if gives else room.impulse[z], hard > 1
-            row[6:9] = math.nan
-            row[9] = math.nan if gives else 0.5 * (room.speed[z] - room.rate[z]) * room.impulse[z]
+            row[6:] = math.nan
+            if not gives:
+                row[9], row[10], row[11] = 0.5 * (room.speed[z] - room.rate[z]) * room.impulse[z], 0.0, room.rate[z]
             if gives and window.transient < note[HITS] <= window.total:
                 rows[k.entry + z] = record.filled[lane, 0]
 
@@ -166,11 +169,20 @@ def _conclude(rows, k, record, lane):
         if rows[k.kind + z] < CLOSED and rows[k.pushed + z] > 0.0:
             if rows[k.entry + z] > 0.0:
                 row = record.impacts[lane, int(rows[k.entry + z]) - 1]
+                before = 0.0
                 if math.isnan(row[4]):
                     row[4], row[6:] = 0.0, 0.0
+                else:
+                    periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
+                    now = ((periods - row[0]) + (phase - row[1])) * TURN / rows[k.theta]
+                    before = now - rows[k.pushed + z]
                 row[4] += rows[k.thrust + z]
-                row[6], row[7] = max(row[6], rows[k.peak + z]), row[7] + rows[k.pushed + z]
-                row[8], row[9] = max(row[8], rows[k.depth + z]), row[9] + rows[k.work + z]
+                row[7], row[9] = row[7] + rows[k.pushed + z], row[9] + rows[k.work + z]
+                _, rate, _ = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
+                row[10], row[11] = before + rows[k.pushed + z], rate
+                for at, then, largest, time in ((6, 12, k.peak, k.peaked), (8, 13, k.depth, k.deepest)):
+                    if rows[largest + z] > row[at]:
+                        row[at], row[then] = rows[largest + z], before + rows[time + z]
             for first in (k.thrust, k.pushed, k.work, k.peak, k.depth):
                 rows[first + z] = 0.0
 
@@ -284,11 +296,15 @@ def _look_at_all(busy, k, record, schedule):
 
 @inner
 def _bounce_all(lanes, k):
-    """Make the usual impacts in all lanes; leave their speed, or 0, impulse and energy; return where they are made."""
+    """Make the usual impacts in all lanes; leave their speed, or 0, impulse, energy and speed after it.
+
+    Return where they are made.
+    """
     struck, v, impulse, r = bounce(lanes, k, 0)
     put(lanes, k.near, 0, select(struck, v, 0.0))
     put(lanes, k.near + 1, 0, impulse)
     put(lanes, k.near + 2, 0, 0.5 * (1.0 - r) * v * impulse)
+    put(lanes, k.near + 3, 0, r * v)
     put(lanes, k.hit, 0, select(struck, NOTHING, get(lanes, k.hit, 0)))
     return anywhere(struck)
 

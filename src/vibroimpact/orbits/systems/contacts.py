@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,7 +11,7 @@ from vibroimpact.model.elements import Contact
 from vibroimpact.orbits.systems.admissibility import clearances
 from vibroimpact.orbits.systems.cycle import Cycle, Leg
 from vibroimpact.orbits.systems.events import IMPACT
-from vibroimpact.orbits.systems.sampling import pulls, sampled, turning_points
+from vibroimpact.orbits.systems.sampling import Samples, pulls, sampled, turning_points
 
 NODES = 8  # of Gauss-Legendre quadrature over one stride of the samples: exact to rounding
 
@@ -25,22 +24,21 @@ def contacts_of(cycle: Cycle, unknown: Floats, speeds: Floats) -> tuple[Contact,
         if flow.compliant[stop]:
             contacts.append(_on_compliant(cycle, unknown, at))
         else:
-            r, speed = flow.rebound(stop, -speeds[at])[0], speeds[at] * flow.omega
-            impulse = (1.0 + r) * speed / flow.lengths[stop]
-            lost = 0.5 * (1.0 - r) * speed * flow.lengths[stop] * impulse
-            contacts.append(Contact(float(impulse), lost=float(lost)))
+            r, speed = float(flow.rebound(stop, -speeds[at])[0]), float(speeds[at] * flow.omega)
+            length = float(flow.lengths[stop])
+            impulse, velocity = (1.0 + r) * speed / length, speed * length
+            ends = {"exit_velocity": r * velocity, "exit_time": 0.0}
+            contacts.append(Contact(impulse, energy_lost=0.5 * (1.0 - r) * velocity * impulse, **ends))
     return tuple(contacts)
 
 
 def _on_compliant(cycle: Cycle, unknown: Floats, at: int) -> Contact:
     """Return the sums over the legs of one contact."""
     flow, struck = cycle.flow, cycle.events[at].stop
-    time = impulse = lost = force = depth = 0.0
+    time = impulse = lost = since = ended = speed = 0.0
+    force = depth = 0.0, 0.0  # the least of what pulls, of the clearance, and when
     for stop, leg in _legs(cycle, unknown, at):
-        if stop not in leg.pushing:
-            continue
-        time += leg.duration
-        for samples in sampled(leg):
+        for samples in sampled(leg) if stop in leg.pushing else ():
             (row,) = samples.series(clearances(flow)[[stop]])
             pull = pulls(row, flow.lag(stop))
             nodes, weights = np.polynomial.legendre.leggauss(NODES)
@@ -51,12 +49,25 @@ def _on_compliant(cycle: Cycle, unknown: Floats, at: int) -> Contact:
             if flow.lag(stop):
                 rates = np.polynomial.polynomial.polyval(nodes, samples.along(slopes)[:, :-1])
                 lost += float(((pulled * rates) @ weights).sum())
-            force = -min(-force, pulling[0].min(), turning_points(pull, samples, pulling[1])[1].min(initial=math.inf))
-            depth = -min(-depth, gaps[0].min(), turning_points(row, samples, gaps[1])[1].min(initial=math.inf))
+            force, depth = (
+                min(force, _least(pull, pulling, samples, since)),
+                min(depth, _least(row, gaps, samples, since)),
+            )
+            time, ended, speed = time + samples.angles[-1] - samples.angles[0], since + samples.angles[-1], gaps[1, -1]
+        since += leg.duration
     length, omega = float(flow.lengths[struck]), flow.omega
     unit = float(flow.stiffness[struck]) * (1.0 + flow.lag(struck)) * omega  # of impulses over the length
-    impulse, force = unit * impulse / length, unit * omega * force / length
-    return Contact(impulse, time / omega, float(force), float(length * depth), unit * omega * lost)
+    whole = impulse * unit / length, time / omega, -force[0] * unit * omega / length, -depth[0] * length
+    ends = length * omega * speed, ended / omega, force[1] / omega, depth[1] / omega
+    return Contact(*map(float, (*whole, unit * omega * lost, *ends)))
+
+
+def _least(form: Floats, along: Floats, samples: Samples, since: float) -> tuple[float, float]:
+    """Return the least value of a linear form on a leg that begins at an angle `since` an impact, and its angle."""
+    places, lowest = turning_points(form, samples, along[1])
+    values, angles = np.append(along[0], lowest), np.append(samples.angles, places)
+    at = values.argmin()
+    return float(values[at]), since + float(angles[at])
 
 
 def _legs(cycle: Cycle, unknown: Floats, at: int) -> Iterator[tuple[int, Leg]]:

@@ -73,5 +73,5 @@ def rest_impulses_of(orbit: Any) -> tuple[float, ...]:
         later = np.abs((samples.rest_begin.sum(axis=1) - begin + 0.5 * n) % n - 0.5 * n)
         later[samples.rest_stop != orbit.system.stop_names.index(stop)] = np.inf
         first = int(np.argmax(later <= later.min() + SAME))  # the next one may not be over
-        impulses.append(float(run.taken(samples, window, skips=False)[0][first]))
+        impulses.append(float(run.rest_impulses(samples, window, skips=False)[first]))
     return tuple(impulses)

@@ -53,8 +53,9 @@ class SystemOrbit(Orbit):
     pushing : tuple of str
         Stops that push just before the first impact.
     contacts : tuple of Contact
-        For each impact, the `impulse` in N s, the energy `lost` at the stop in J and, on a compliant stop,
-        `contact_time` (for which it pushes) in s, `peak_force` in N and `penetration` in m; NaN on a rigid stop.
+        For each impact, the `impulse` in N s, the `energy_lost` at the stop in J, the `exit_velocity` in m/s and, on a
+        compliant stop, `contact_time` (for which it pushes) in s, `peak_force` in N and `penetration` in m, NaN on a
+        rigid stop; `exit_time`, `peak_force_time` and `penetration_time` in s from the beginning of the contact.
     rests : tuple of Rest
         Rests at rigid stops: the `stop`, and its `begin` and `end` in driving periods, on the same time axis as
         `turns`. The impacts of a chatter are listed down to 1e-9 V. A cycle with rests is listed from the end of the
