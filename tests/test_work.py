@@ -74,12 +74,22 @@ def test_memory_is_taken_once_a_tile_and_never_by_an_impact():
     assert many == few
 
 
+OF_ONE_MASS = "vi.ImpactOscillator()"
+FIRST = {
+    "parameter_map": f"{OF_ONE_MASS}, omega=[2.8], sample_impacts=10",
+    "bifurcation_diagram": f"{OF_ONE_MASS}, omega=[2.8], sample_impacts=10",
+    "impact_section": f"{OF_ONE_MASS}, sample_impacts=10",
+    "describe": f"{OF_ONE_MASS}, parameters=[]",
+}
+
+
 @pytest.mark.long(but=1)
-@pytest.mark.parametrize("sweep", ["parameter_map", "bifurcation_diagram"])
-def test_a_first_sweep_waits_for_no_library_that_it_does_without(sweep):
+@pytest.mark.parametrize("function", FIRST)
+def test_a_first_result_waits_for_no_library_that_it_does_without(function):
+    unneeded = {"zarr", "dask.base", "pint", "distributed", "matplotlib", "scipy.optimize", "scipy.integrate"}
     code = (
-        f"import sys, vibroimpact as vi; vi.{sweep}(vi.ImpactOscillator(), omega=[2.8], sample_impacts=10); "
-        "print('heavy:', {'zarr', 'dask.base', 'pint', 'distributed', 'matplotlib'} & set(sys.modules))"
+        f"import sys, vibroimpact as vi; vi.{function}({FIRST[function]}); "
+        f"print('heavy:', {unneeded} & set(sys.modules))"
     )
     assert "heavy: set()" in python(code).stdout
 

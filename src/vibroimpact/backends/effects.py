@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import block_matrix
@@ -148,6 +147,7 @@ def nodes_of(ends: Floats) -> Floats:
 
 def _roots(series: Floats) -> list[float]:
     """Return the places within (-1, 1), one between two nodes, where a series changes its sign."""
+    from scipy.optimize import brentq  # slow import
 
     def value(x: Any) -> Any:
         return legendre.legval(x, series)
