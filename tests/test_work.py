@@ -9,6 +9,8 @@ import vibroimpact as vi
 from cells import make_cells
 from processes import python
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
+from vibroimpact.kernels.systems import march
+from vibroimpact.kernels.systems.pressed import repetition_is_due
 from vibroimpact.orbits.search import stable_orbits
 from vibroimpact.orbits.systems import admissibility, flow
 
@@ -72,6 +74,12 @@ def test_memory_is_taken_once_a_tile_and_never_by_an_impact():
     allocations(10)
     few, many = allocations(10), allocations(500)
     assert many == few
+
+
+def test_a_pressed_motion_is_compared_with_itself_ever_more_rarely_before_its_first_impact_too():
+    """Each comparison follows it for up to eight periods more."""
+    notes = np.zeros(march.SUMS)
+    assert [period for period in range(100) if repetition_is_due(notes, 1, 0, float(period))] == [4, 12, 28, 60]
 
 
 OF_ONE_MASS = "vi.ImpactOscillator()"

@@ -24,7 +24,7 @@ def repetition_is_due(notes, stride, lane, periods):
     """Return whether to check for a repetition in this period, in a lane or (stride 1) a cell alone."""
     hits, still = HITS * stride + lane, STILL * stride + lane
     again, waits = AGAIN * stride + lane, WAITS * stride + lane
-    if notes[hits] != notes[still]:
+    if notes[waits] == 0.0 or notes[hits] != notes[still]:
         notes[still], notes[waits], notes[again] = notes[hits], AFTER, periods + AFTER
     if periods < notes[again]:
         return False
