@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 import vibroimpact as vi
 from contents import special_points
+from vibroimpact.orbits.labelled import orbits_dataset
 
 KELVIN_VOIGT = 0.571740027585  # restitution of z = 0.2, let go where the force is zero
 
@@ -359,6 +360,16 @@ def test_the_motion_from_rest_settles_to_the_orbit_with_its_impulses_forces_time
             assert expected[mine] == value or name == "exit_time", (stop, name)
         assert contact.impulse == impulse
     assert math.isnan(orbit.contacts[orbit.stops.index("below")].peak_force)
+
+
+def test_a_table_of_orbits_lists_when_contacts_end_and_are_hardest_as_one_of_a_motion_does():
+    orbits = vi.find_orbit(mixed, n_impacts=2)
+    number = [orbit.stable and orbit.admissible for orbit in orbits].index(True)
+    motion = vi.simulate(mixed.at(), start=orbits[number].start, periods=3)
+    listed = orbits_dataset(orbits, mixed, {}).isel(orbit=number)
+    np.testing.assert_allclose(listed["time"], motion["impact_time"][:2], rtol=1e-9)
+    for name in ("exit_time", "exit_velocity", "peak_force_time", "penetration_time"):
+        np.testing.assert_allclose(listed[name], motion[name][:2], rtol=1e-9, err_msg=name)
 
 
 def numbers_of(hits):

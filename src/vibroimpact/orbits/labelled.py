@@ -52,19 +52,24 @@ def orbits_dataset(orbits: Orbits[Any], model: Model, arguments: Mapping[str, An
 
 
 def _struck(orbits: Orbits[Any], p: int, design: Any) -> dict[str, xr.Variable]:
-    """Return what impacts come to, and the stops of those of a system."""
-    dims = ("orbit", "impact")
-    columns = {
-        name: variable(name, dims, rows_of([[getattr(each, name) for each in orbit.contacts] for orbit in orbits], p))
-        for name in reports_of(design.stops)
-        if not REPORTS[name].since
-    }
-    if design.says_all:
+    """Return what impacts come to, and the times and stops of those of a system."""
+    dims, of_system = ("orbit", "impact"), not design.says_all
+    begins = [np.multiply(orbit.turns, orbit.oscillator.period) if of_system else 0.0 for orbit in orbits]
+
+    def column(name: str) -> xr.Variable:
+        rows = [np.array([getattr(contact, name) for contact in orbit.contacts]) for orbit in orbits]
+        if REPORTS[name].since:
+            rows = [begin + row for begin, row in zip(begins, rows, strict=True)]
+        return variable(name, dims, rows_of(rows, p))
+
+    columns = {name: column(name) for name in reports_of(design.stops)}
+    if not of_system:
         return columns
     names = np.full((len(orbits), p), "", dtype=object)
     for at, orbit in enumerate(orbits):
         names[at, : len(orbit.stops)] = orbit.stops
-    return columns | {"stop": plain_variable(dims, names.astype(str), {"long_name": "stop that is struck"})}
+    stops = plain_variable(dims, names.astype(str), {"long_name": "stop that is struck"})
+    return columns | {"time": variable("time", dims, rows_of(begins, p)), "stop": stops}
 
 
 def orbit_variables(orbits: Sequence[Any], p: int, dim: str) -> dict[str, xr.Variable]:
@@ -84,7 +89,7 @@ def number(dims: Any, data: Any, long_name: str) -> xr.Variable:
     return plain_variable(dims, np.asarray(data, dtype=np.float64), {"long_name": long_name, "units": "1"})
 
 
-def rows_of(rows: Sequence[Sequence[float]], width: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+def rows_of(rows: Sequence[Any], width: int) -> np.ndarray[Any, np.dtype[np.float64]]:
     """Return rows of one width, padded with NaN."""
     table = np.full((len(rows), width), np.nan)
     for i, row in enumerate(rows):
