@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,8 @@ from vibroimpact.indices import INDICES, RESPONSES
 from vibroimpact.kernels.vectors import LANES
 from vibroimpact.model.system_cells import SystemCells
 
-FULL = 8 * LANES  # cells that are followed over their cycles together
+# Cells that are followed over their cycles together, so that lanes are full, and for how many seconds they wait.
+FULL, PATIENCE = 64 * LANES, 1.0
 
 
 class CpuBackend(Backend):
@@ -93,11 +95,12 @@ def _sweeps(cells: Cells, measurement: Measurement) -> Iterator[tuple[Counts, An
 def _together(batches: Iterator[Counts]) -> Iterator[Counts]:
     """Yield finished cells so many at a time that they fill lanes."""
     held: list[Counts] = []
+    since = perf_counter()
     for batch in batches:
         held.append(batch)
-        if sum(map(len, held)) >= FULL:
+        if sum(map(len, held)) >= FULL or perf_counter() > since + PATIENCE:
             yield np.concatenate(held)
-            held = []
+            held, since = [], perf_counter()
     if held:
         yield np.concatenate(held)
 
@@ -106,14 +109,11 @@ def _swings(
     cells: Cells, sweep: Any, done: Counts, status: Counts, measurement: Measurement, stopped: Callable[[], bool]
 ) -> Outcome:
     """Return the indices of displacements of cells that have ended."""
-    from vibroimpact.backends.modal.swings import swings  # compiled on first use
+    from vibroimpact.backends.modal.swings import of_one_mass, swings  # compiled on first use
 
     if isinstance(sweep, scalar.Sweep):
-        systems = cells if isinstance(cells, SystemCells) else one_mass.as_systems(cells)
-        settled = one_mass.resumed(systems, *sweep.states(done))
-    else:
-        settled = sweep.settled(done)
-    return swings(settled, status, measurement, stopped)
+        return of_one_mass(cells, sweep, done, status, measurement, stopped)
+    return swings(sweep.settled(done), status, measurement, stopped)
 
 
 def create() -> CpuBackend:

@@ -114,7 +114,7 @@ def as_systems(cells: Cells) -> SystemCells:
 def resumed(cells: SystemCells, clearance: Floats, velocity: Floats, turns: Floats) -> SystemCells:
     """Return such systems started from states of the equivalent oscillators."""
     towards = cells.shapes[:, 0] / cells.block("alpha")  # derivative of the coordinate by y
-    return cells.carried(towards * (cells.block("gap") - clearance[:, None]), towards * velocity[:, None], turns)
+    return cells.at(towards * (cells.block("gap") - clearance[:, None]), towards * velocity[:, None], turns)
 
 
 def samples(

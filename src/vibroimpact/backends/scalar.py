@@ -43,7 +43,8 @@ from vibroimpact.kernels.recorder import (
     state_of,
 )
 from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
-from vibroimpact.kernels.runner import follow_cell, run_cells
+from vibroimpact.kernels.runner import SWINGING, follow_cell, run_cells, run_swings
+from vibroimpact.kernels.state import Constants, Motion
 from vibroimpact.kernels.vectors import LANES as BLOCK
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
@@ -156,10 +157,11 @@ class Sweep:
 
     def __init__(self, cells: Cells, measurement: Measurement, ahead: Floats | None = None) -> None:
         self.measurement, self.thorough = measurement, measurement.thorough
-        self._ahead = np.zeros(len(cells)) if ahead is None else ahead  # of the requested phase
+        self.ahead = np.zeros(len(cells)) if ahead is None else ahead  # of the requested phase
         self.cells = rows_of(cells)
         self.results = np.zeros((len(cells), len(THOROUGH if self.thorough else PLAIN)))
         self.ends = np.zeros(len(cells), dtype=np.int8)
+        self.finals = np.zeros((len(cells), CELL if measurement.swings else 0))
         self._tickets = np.zeros(1, dtype=np.int64)
         self.window = window = measurement.impacts
         total = float(window.transient + window.keep)
@@ -171,7 +173,9 @@ class Sweep:
         ended = np.empty(_BATCH, dtype=np.int64)
         busy = 1
         while busy and not stopped():
-            number, busy = run_cells(self.cells, self.results, self.ends, self._tickets, seat, ended, *self._how, facts)
+            number, busy = run_cells(
+                self.cells, self.results, self.finals, self.ends, self._tickets, seat, ended, *self._how, facts
+            )
             if number:
                 yield ended[:number].copy()
 
@@ -181,16 +185,28 @@ class Sweep:
         if self.thorough:
             columns, full = dict(zip(THOROUGH, self.results[done].T, strict=True)), self.ends[done] == FILLED
             outcome["first_stop"] = np.where(full, 0, -1)
-            outcome["first_phase"] = (columns["first_phase"] - self._ahead[done]) % 1.0
+            outcome["first_phase"] = (columns["first_phase"] - self.ahead[done]) % 1.0
             outcome["first_velocity"] = columns["first_velocity"]
             outcome["struck"] = full.astype(np.int64)
         return with_stop_axis(outcome, self.measurement)
 
     def states(self, done: Counts) -> tuple[Floats, Floats, Floats]:
         """Return clearances, velocities and times in periods of the load at which cells have ended."""
-        columns = dict(zip(THOROUGH, self.results[done].T, strict=False))
-        turns = columns["periods"] + columns["phase"] - self._ahead[done]
-        return columns["clearance"], columns["velocity"], turns
+        u, p, sine, cosine, periods = self.finals[done, : len(Motion._fields)].T
+        rates = Cell(*self.cells[done].T).omega / self.finals[done, len(Motion._fields) + Constants._fields.index("th")]
+        return u, -p * rates, periods + np.arctan2(sine, cosine) / (2.0 * math.pi) % 1.0 - self.ahead[done]
+
+    def swings(self, done: Counts, status: Counts, stopped: Callable[[], bool]) -> tuple[Floats, NDArray[np.bool_]]:
+        """Return the sums of how far cells swing, and which of them have some: those without are not followed."""
+        # The longest motions first, so that lanes end together.
+        which = np.argsort(status, kind="stable")[: np.count_nonzero(status <= Status.SHORT_WINDOW)]
+        sums, ends, tickets = np.zeros((len(which), 7)), np.zeros(len(which), np.int8), np.zeros(1, np.int64)
+        memory, owner, busy = aligned((SWINGING + 1) * LANES), np.full(BLOCK, -1), 1
+        while busy and not stopped():
+            busy = run_swings(self.finals, done[which], sums, ends, tickets, memory, owner, _LOOKS)
+        known, full = np.zeros(len(done), bool), ends == FILLED
+        known[which] = full
+        return sums[full][np.argsort(which[full])].T, known
 
     def follow(self, run: _Run) -> None:
         """Measure the only cell, and record its run up to the same point or to its end."""

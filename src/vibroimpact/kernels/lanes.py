@@ -63,8 +63,8 @@ LANES = 32
 
 
 @inner(forceinline=True)
-def _move(lanes, i, wide, below=None):
-    """Take lane i on; return its constants, and what `advance` gives."""
+def take_on(lanes, i, wide, below=None):
+    """Take lane i on by leaps and a step; return its constants, and what `advance` gives."""
     k = load_constants(lanes, i, wide)
     motion, event, v, x, way = advance(load_motion(lanes, i, wide), k, below)
     store_motion(lanes, i, motion, wide)
@@ -139,7 +139,7 @@ def observe_walked(lanes, i, k, trace, row, transient, total, facts):
 @inner(forceinline=True)
 def step_lane(lanes, i, transient, total, wide=None):
     """Make one certified step in lane i, or with `wide` in all of a block from there on, and observe it."""
-    _, motion, event, v, x, _ = _move(lanes, i, wide)
+    _, motion, event, v, x, _ = take_on(lanes, i, wide)
     observe(lanes, i, motion, event, v, x, transient, total, wide)
 
 
@@ -147,7 +147,7 @@ def step_lane(lanes, i, transient, total, wide=None):
 def step_thorough_lane(lanes, i, transient, total, wide=None):
     """Do what `step_lane` does, and observe all that can be observed."""
     below = _margin_to_beat(lanes, i, transient, total, wide)
-    k, motion, event, v, x, way = _move(lanes, i, wide, below)
+    k, motion, event, v, x, way = take_on(lanes, i, wide, below)
     observe_thoroughly(lanes, i, k, below, motion, event, v, x, way, transient, total, wide)
 
 
@@ -173,7 +173,7 @@ def trace_lanes(lanes, trace):
     for k in range(len(trace)):
         row = trace[k]
         for first in range(0, LANES, BLOCK):
-            _, _, event, v, x, _ = _move(lanes, first, 0)
+            _, _, event, v, x, _ = take_on(lanes, first, 0)
             put_at(row, STATE * LANES + first, 0, event)
             put_at(row, (STATE + 1) * LANES + first, 0, v)
             put_at(row, (STATE + 2) * LANES + first, 0, x)

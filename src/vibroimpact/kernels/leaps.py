@@ -50,7 +50,7 @@ def _leap_over(X, C, K, A, G, th):
     ug, pg = _flown(0.0, 0.0, 0.0, 0.0, C, K, 0.0, G, th, part)
     flow = Flow(uu, up, pu, pp, us, uc, ug, ps, pc, pg, math.sin(th * part), math.cos(th * part))
     for _ in range(doublings):
-        flow = _doubled(flow)
+        flow = doubled(flow)
     stretched = math.expm1(C * X) / C if C > 0.0 else X
     bend = 0.25 * stretched**2
     if th * X < math.pi:
@@ -64,7 +64,7 @@ def _flown(u, p, s, c, C, K, A, G, th, x):
 
 
 @inner
-def _doubled(a):
+def doubled(a):
     """Return the flow over twice the length."""
     return Flow(
         uu=fma(a.uu, a.uu, a.up * a.pu),

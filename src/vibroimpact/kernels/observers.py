@@ -10,14 +10,15 @@ import math
 from typing import NamedTuple
 
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, STUCK
-from vibroimpact.kernels.flight import acceleration, least_gap, undamped_flow
+from vibroimpact.kernels.flight import acceleration, evaluate, least_gap, series, undamped_flow
 from vibroimpact.kernels.law import across_impact
-from vibroimpact.kernels.leaps import dipping
+from vibroimpact.kernels.leaps import dipping, flown_over
 from vibroimpact.kernels.machine import inner, whole
-from vibroimpact.kernels.state import Motion
-from vibroimpact.kernels.vectors import anywhere, fma, least, no, select
+from vibroimpact.kernels.state import Motion, chosen
+from vibroimpact.kernels.vectors import anywhere, fma, least, most, never, no, select
 
 FOLD = 1.6069380442589903e60  # 2^200: a power of two rescales without rounding
+SLOW = 1e-3  # of a step: a decay so slow is added up by its series
 DEVIATION = (1.0, 0.7)  # a tangent vector to begin with, in a direction that no cell singles out
 
 
@@ -105,6 +106,22 @@ class Misses(NamedTuple):
     """The least gap of a near-miss within the window."""
 
     margin: float
+
+
+class Swings(NamedTuple):
+    """Integrals over the time since a contact, of y = g - u from the place of rest without load.
+
+    The time in flight, the integrals of y and y^2 over it, those of y sin wt and y cos wt over all of the time, the
+    largest gap and the number of rests.
+    """
+
+    flown: float
+    mean: float
+    square: float
+    sine: float
+    cosine: float
+    deepest: float
+    rests: float
 
 
 @inner(forceinline=True)
@@ -260,3 +277,116 @@ def misses(old, leapt, a, after, k, event, v, x, below):
         slope = acceleration(end.u, end.p, end.s, k)
         margin = select(dips, least(margin, least_gap(a, x - leapt.steps, end.p, slope)), margin)
     return Misses(select(margin < below, margin, old.margin))
+
+
+@inner(forceinline=True)
+def swings(old, before, after, k, two, event, v, x):
+    """Add what a motion swings on its way to `after`, x steps later: a flight, or a rest; `two` is a flow of 2 steps.
+
+    With Y = a sin wt + b cos wt the steady motion without a stop and z = y - Y, in flight E = z'^2 + C z z' + K z^2
+    decays as e^{-Cx}. [ ] is the difference between the ends, D = K - th^2 - i th C:
+
+        K int y = int A sin wt - [y' + C y],    D int y e^{iwt} = int A sin wt e^{iwt} - [(y' - i th y + C y) e^{iwt}],
+        int y^2 = 2 int y Y - int Y^2 + int z^2,    2 K int z^2 = int E - [z z' + C z^2].
+    """
+    u, p, s, c, _ = before
+    u1, s1, c1 = after.u, after.s, after.c
+    held = (event == RELEASE) | (event == STUCK)
+    p1 = select(u1 <= 0.0, -v, after.p)
+    inertia, damper, gap = k.K - k.Q, k.C * k.th, k.G / k.K
+    scale = 1.0 / fma(inertia, inertia, damper * damper)
+    a, b = k.A * inertia * scale, -k.A * damper * scale
+    y, q, y1, q1 = gap - u, -p, gap - u1, -p1
+    z, r = y - fma(a, s, b * c), q - k.th * fma(a, c, -b * s)
+    z1, r1 = y1 - fma(a, s1, b * c1), q1 - k.th * fma(a, c1, -b * s1)
+    turn = 0.5 / k.th
+    crossed, squares = turn * (s1 - s) * (s1 + s), 0.5 * x - turn * (s1 * c1 - s * c)  # int sin cos, int sin^2
+    kick, kick1 = fma(k.C, y, q), fma(k.C, y1, q1)
+    real = k.A * crossed - (kick1 * c1 - kick * c) - k.th * (y1 * s1 - y * s)
+    imaginary = k.A * squares - (kick1 * s1 - kick * s) + k.th * (y1 * c1 - y * c)
+    cosine, sine = scale * (inertia * real - damper * imaginary), scale * (inertia * imaginary + damper * real)
+    mean = (2.0 * turn * k.A * (c - c1) - (kick1 - kick)) / k.K
+    e, e1 = fma(r, r, z * fma(k.C, r, k.K * z)), fma(r1, r1, z1 * fma(k.C, r1, k.K * z1))
+    energy = select(k.C > SLOW, (e - e1) / k.C, e * x * _faded(k.C * x))
+    free = (energy - z1 * fma(k.C, z1, r1) + z * fma(k.C, z, r)) / (2.0 * k.K)
+    steady = a * a * squares + 2.0 * a * b * crossed + b * b * (x - squares)
+    square = fma(2.0, fma(a, sine, b * cosine), free - steady)
+    end = Motion(u1, p1, s1, c1, after.n)
+    # A bound of the fourth to sixth derivatives: those of Y, and those of z, whose energy only falls.
+    rate, size = k.C + math.sqrt(k.K), abs(a) + abs(b)
+    level = math.sqrt(fma(r, r, k.K * z * z))
+    rough = (size * k.Q * k.Q + rate * rate * rate * level) * fma(rate, rate, 1.0)
+    far = no(held) & (gap + size + level / math.sqrt(k.K) > old.deepest)
+    return Swings(
+        flown=old.flown + select(held, 0.0, x),
+        mean=old.mean + select(held, 0.0, mean),
+        square=old.square + select(held, 0.0, square),
+        sine=old.sine + select(held, 2.0 * turn * gap * (c - c1), sine),
+        cosine=old.cosine + select(held, 2.0 * turn * gap * (s1 - s), cosine),
+        deepest=_deepest(old.deepest, before, end, select(far, x, 0.0), rough, k, two),
+        rests=old.rests + select(held, 1.0, 0.0),
+    )
+
+
+@inner(forceinline=True)
+def _faded(t):
+    """Return (1 - e^{-t})/t for small t."""
+    return fma(-t, fma(-t, fma(-t, fma(-t, fma(-t, fma(-t, 1 / 5040, 1 / 720), 1 / 120), 1 / 24), 1 / 6), 1 / 2), 1.0)
+
+
+@inner(forceinline=True)
+def _deepest(deepest, at, end, left, rough, k, two):
+    """Return the largest gap so far after a flight of so many steps, no derivative above the third beyond `rough`.
+
+    Over a leap of d steps the coefficients that Bernstein's form gives to Hermite's cubic of the rate, within d^4/384
+    of that, say whether it may vanish, and those of the quintic of the gap, within d^6/46080, how large that may be.
+    """
+    slope = acceleration(at.u, at.p, at.s, k)
+    while anywhere(left > 0.0):
+        to, d = chosen(left <= 2.0, end, flown_over(at, two)), least(left, 2.0)
+        slope1, square = acceleration(to.u, to.p, to.s, k), d * d
+        p0, p1, bend0, bend1 = d * at.p, d * to.p, square * slope, square * slope1
+        early, late, blur = fma(1 / 3, bend0, p0), fma(-1 / 3, bend1, p1), square * square * rough
+        rising, falling = most(most(p0, p1), most(early, late)), least(least(p0, p1), least(early, late))
+        off = d * blur * (1 / 384)
+        inner0, inner1 = fma(0.4, p0, fma(0.05, bend0, at.u)), fma(-0.4, p1, fma(0.05, bend1, to.u))
+        highest = most(most(fma(0.2, p0, at.u), fma(-0.2, p1, to.u)), most(inner0, inner1))
+        deepest = select(left > 0.0, most(deepest, to.u), deepest)
+        blur = square * blur * (1 / 46080)
+        turns = (left > 0.0) & (rising > -off) & (falling < off) & (highest + blur > deepest)
+        if anywhere(turns):
+            deepest = _top(deepest, at, to, p0, p1, bend0, bend1, d, blur, turns, k)
+        at, slope, left = to, slope1, left - 2.0
+    return deepest
+
+
+@inner(forceinline=True)
+def _top(deepest, at, to, p0, p1, bend0, bend1, d, blur, turns, k):
+    """Return the largest gap so far after a leap in which it may turn: where Hermite's quintic does, then exactly."""
+    c2 = 0.5 * bend0
+    last, rate, bend = to.u - at.u - p0 - c2, p1 - p0 - bend0, bend1 - bend0
+    c3, c4 = fma(10.0, last, fma(-4.0, rate, 0.5 * bend)), fma(-15.0, last, fma(7.0, rate, -bend))
+    c5 = fma(6.0, last, fma(-3.0, rate, 0.5 * bend))
+    low, high = 0.0 * d, 0.0 * d + 1.0
+    t = select(p0 > 0.0, select(p1 < 0.0, p0 / (p0 - p1), -p0 / bend0), 1.0 - p1 / bend1)
+    for _ in range(5):
+        t = select((t >= low) & (t <= high), t, 0.5 * (low + high))
+        rate = fma(t, fma(t, fma(t, fma(t, 5.0 * c5, 4.0 * c4), 3.0 * c3), bend0), p0)
+        bend = fma(t, fma(t, fma(t, 20.0 * c5, 12.0 * c4), 6.0 * c3), bend0)
+        low, high = select(rate > 0.0, t, low), select(rate > 0.0, high, t)
+        t = t - rate / bend
+    t = select((t >= low) & (t <= high), t, 0.5 * (low + high))
+    highest = fma(t, fma(t, fma(t, fma(t, fma(t, c5, c4), c3), c2), p0), at.u)
+    doubtful = turns & (highest + blur > deepest)
+    if anywhere(doubtful):
+        x, bend = t * d, bend / (d * d)
+        while anywhere(doubtful & (x > 1.0)):
+            far = x > 1.0
+            at, x = chosen(far, flown_over(at, k.short.flow), at), x - select(far, 1.0, 0.0)
+        a, begun = series(at, k, never(x)), x
+        for _ in range(2):
+            _, rate = evaluate(a, x)
+            x = x - rate / bend
+        u, _ = evaluate(a, x)
+        deepest = select(doubtful & (abs(x - begun) < 0.1) & (u > deepest), u, deepest)
+    return deepest

@@ -31,20 +31,13 @@ PERHAPS = 2000  # steps in which a mass that has stuck once may stick again
 
 
 class Course(NamedTuple):
-    """What decides the status: periods and sticks of the window, impacts and steps computed, and impacts added.
-
-    Then the motion at the end: clearance, velocity in m/s, whole periods and phase.
-    """
+    """What decides the status: periods and sticks of the window, impacts and steps computed, and impacts added."""
 
     span: float
     sticks: float
     counted: float
     steps: float
     added: float
-    clearance: float
-    velocity: float
-    periods: float
-    phase: float
 
 
 class ThoroughIndices(NamedTuple):
@@ -77,7 +70,7 @@ def _put(result, first, values):
 @inner
 def harvest(lanes, i, note, keep, result):
     """Turn the sums of lane i, in lengths of a step, into indices per second and the course of its window."""
-    h, sums, motion = note[H], lane.load_sums(lanes, i), lane.load_motion(lanes, i)
+    h, sums = note[H], lane.load_sums(lanes, i)
     first, last = lane.load_first(lanes, i), lane.load_last(lanes, i)
     span = (last.n - first.n) + (phase_of(last.s, last.c) - phase_of(first.s, first.c))
     course = Course(
@@ -86,10 +79,6 @@ def harvest(lanes, i, note, keep, result):
         counted=sums.hits - note[ADDED],
         steps=note[STEPS],
         added=note[ADDED],
-        clearance=motion.u,
-        velocity=-motion.p / h,  # u = g - y
-        periods=motion.n,
-        phase=phase_of(motion.s, motion.c),
     )
     _put(result, 0, course)
     _put(result, _VELOCITIES, velocity_indices(sums, span, note[RATIO], h, keep))

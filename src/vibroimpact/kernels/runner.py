@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from vibroimpact.kernels import lanes as lane
-from vibroimpact.kernels.advance import LOOK, walk
-from vibroimpact.kernels.cell import FILLED, QUIET_FOR, RUNNING, budgets, cell_of, ending, prepare
+from vibroimpact.kernels.advance import IMPACT, LOOK, RELEASE, STUCK, walk
+from vibroimpact.kernels.cell import FILLED, QUIET_FOR, RUNNING, SPENT, budgets, cell_of, ending, phase_of, prepare
 from vibroimpact.kernels.closing import close
 from vibroimpact.kernels.cycle import forget
 from vibroimpact.kernels.flight import NONE
-from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket
-from vibroimpact.kernels.observers import DEVIATION, Deviation, Misses, Recurrence
+from vibroimpact.kernels.leaps import doubled
+from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket, whole
+from vibroimpact.kernels.observers import DEVIATION, Deviation, Misses, Recurrence, Swings, swings
 from vibroimpact.kernels.recorder import END, overhear, room
 from vibroimpact.kernels.results import (
     ADDED,
@@ -26,7 +28,14 @@ from vibroimpact.kernels.results import (
     harvest,
     harvest_thoroughly,
 )
+from vibroimpact.kernels.state import Flow, accessors
+from vibroimpact.kernels.vectors import LANES as BLOCK
+from vibroimpact.kernels.vectors import anywhere, most, put_at, select
 
+MOST = 63.0  # periods over which a motion that does not repeat is followed for what it swings
+# Of the squares of rates: closer to resonance, or with a softer spring, the closed forms lose more than four digits.
+RESONANT, SOFT = 5e-3, 1e-4
+SAME = 1e-9  # of V: how near a contact of a cycle comes back
 NEAR = 2e-11  # of V: how close an impact must come back to be looked at
 
 
@@ -110,15 +119,16 @@ def may_close(lanes, i, note, total, facts):
 
 @compiled("maps", 7)
 def run_cells(
-    cells, results, ends, tickets, seat, finished, transient, total, chatter, flight_periods, steps_per_impact,
+    cells, results, finals, ends, tickets, seat, finished, transient, total, chatter, flight_periods, steps_per_impact,
     early_closing, looks, facts,
 ):  # fmt: skip
     """Step the lanes of one thread until it has looked at them `looks` times, or no cell is left.
 
     `cells`, `results` and `ends` (why each cell ended) are shared by threads, each of which takes the next cell by
     ticket into its own `seat`: lanes, their owners, notes, room for a cycle and for a trace. `finished` receives the
-    cells that ended. `facts` is None, or room for what thorough lanes learn of cycles. Return how many cells ended, and
-    how many lanes are busy. Nothing in a cell depends on its lane, its neighbours or its thread.
+    cells that ended, `finals` their motion and constants unless it is empty. `facts` is None, or room for what thorough
+    lanes learn of cycles. Return how many cells ended, and how many lanes are busy. Nothing in a cell depends on its
+    lane, its neighbours or its thread.
     """
     lanes, owner, notes, cycle, trace = seat
     number = 0
@@ -145,6 +155,8 @@ def run_cells(
                 harvest(lanes, i, notes[i], keep, results[j])
                 if facts is not None:
                     harvest_thoroughly(lanes, i, notes[i], facts[i], cell_of(cells[j]), keep, results[j], trace)
+                for row in range(finals.shape[1]):
+                    finals[j, row] = lanes[row * lane.LANES + i]
                 finished[number] = j
                 number += 1
                 owner[i] = -1
@@ -187,3 +199,134 @@ def follow_cell(
             harvest(lanes, 0, note, total - transient, results[0])
             if facts is not None:
                 harvest_thoroughly(lanes, 0, note, facts[0], cell, total - transient, results[0], trace)
+
+
+class Begun(NamedTuple):
+    """The contact from which swings are added up: rate, phase and period; how many have followed, and how many may.
+
+    `first` is the period of the first one of all.
+    """
+
+    p: float
+    s: float
+    c: float
+    n: float
+    since: float
+    most: float
+    first: float
+
+
+(load_swings, store_swings), (load_begun, store_begun), (load_two, store_two), SWINGING = accessors(
+    lane.CELL, lane.LANES, Swings, Begun, Flow
+)
+
+
+@inner(forceinline=True)
+def _returned(motion, begun, k):
+    """Return whether a contact is that at which the sums began."""
+    late = (motion.s * begun.c - motion.c * begun.s) / k.th
+    apart = abs(motion.p - begun.p) + (abs(motion.p) + k.A + abs(k.G)) * abs(late)
+    return (apart < SAME * most(k.A, abs(k.G)) / math.sqrt(k.K)) & (motion.s * begun.s + motion.c * begun.c > 0.0)
+
+
+@inner(forceinline=True)
+def _swing(lanes, i, wide):
+    """Take lanes on; return whether there is something to do where a contact came back, or enough of them passed."""
+    before, sums = lane.load_motion(lanes, i, wide), load_swings(lanes, i, wide)
+    k, motion, event, v, x, _ = lane.take_on(lanes, i, wide)
+    store_swings(lanes, i, swings(sums, before, motion, k, load_two(lanes, i, wide), event, v, x), wide)
+    old, hit = load_begun(lanes, i, wide), (event == IMPACT) | (event == RELEASE)
+    begun = Begun(old.p, old.s, old.c, old.n, old.since + select(hit, 1.0, 0.0), old.most, old.first)
+    store_begun(lanes, i, begun, wide)
+    passed = motion.n - begun.first
+    due = (begun.since >= begun.most) | (passed >= MOST) | _returned(motion, begun, k)
+    due = (hit & due) | (passed > 2.0 * MOST) | (event == STUCK)
+    put_at(lanes, SWINGING * lane.LANES + i, wide, select(due, 1.0, 0.0))
+    return anywhere(due)
+
+
+@inner
+def _keep(lanes, i, result, returned):
+    """Add the sums since a contact to a result, or let them take its place: a return takes whole periods."""
+    k, motion, begun, sums = (
+        lane.load_constants(lanes, i), lane.load_motion(lanes, i), load_begun(lanes, i), load_swings(lanes, i)
+    )  # fmt: skip
+    length, gap = sums.flown, k.G / k.K
+    if sums.rests > 0.0:
+        periods = motion.n - begun.n + phase_of(motion.s, motion.c) - phase_of(begun.s, begun.c)
+        length = (whole(periods) if returned else periods) * 2.0 * math.pi / k.th
+    rest = length - sums.flown
+    sums = length, sums.mean + gap * rest, sums.square + gap * gap * rest, sums.sine, sums.cosine
+    for j in range(len(sums)):
+        result[j] = sums[j] + (0.0 if returned else result[j])
+    lowest = gap - load_swings(lanes, i).deepest
+    result[len(sums)] = lowest if returned else min(lowest, result[len(sums)])
+    result[len(sums) + 1] = gap
+
+
+@inner
+def _begin(lanes, i, most, first):
+    """Begin the sums at a contact, which takes the place of the one before; with `most` 0 on the way to the first."""
+    motion, deepest = lane.load_motion(lanes, i), 0.0 if most > 0.0 else math.inf
+    store_swings(lanes, i, Swings(0.0, 0.0, 0.0, 0.0, 0.0, deepest, 0.0))
+    store_begun(lanes, i, Begun(motion.p, motion.s, motion.c, motion.n, 0.0, most, first))
+
+
+@inner
+def _turn(lanes, i, result):
+    """Return why a cell ends at a contact, or RUNNING: the sums then begin anew."""
+    motion, begun, k = lane.load_motion(lanes, i), load_begun(lanes, i), lane.load_constants(lanes, i)
+    stuck = motion.u == 0.0 and motion.p == 0.0 and k.G <= -k.A
+    if stuck or motion.n - begun.first > 2.0 * MOST:  # without an impact to come
+        return SPENT
+    first = motion.n
+    if begun.most > 0.0:
+        returned, over = _returned(motion, begun, k), motion.n - begun.first >= MOST
+        _keep(lanes, i, result, returned)
+        if returned or over:
+            return FILLED
+        first = begun.first
+    _begin(lanes, i, max(2.0 * begun.most, 1.0), first)
+    return RUNNING
+
+
+@inner
+def _seat(finals, wanted, ends, tickets, lanes, i):
+    """Put the next wanted cell into a lane; return its number among them, or -2 if there is none."""
+    while True:
+        cell = next_ticket(tickets)
+        if cell >= len(wanted):
+            return -2
+        for row in range(lane.CELL):
+            lanes[row * lane.LANES + i] = finals[wanted[cell], row]
+        k, motion = lane.load_constants(lanes, i), lane.load_motion(lanes, i)
+        store_two(lanes, i, doubled(k.short.flow))
+        if math.hypot(k.K - k.Q, k.C * k.th) > RESONANT and k.K > SOFT:
+            _begin(lanes, i, 1.0 if motion.u == 0.0 else 0.0, motion.n)
+            return cell
+        ends[cell] = SPENT
+
+
+@compiled("swings of one mass", 7)
+def run_swings(finals, wanted, results, ends, tickets, lanes, owner, looks):
+    """Follow the wanted cells from their final motions until they return or MOST periods have passed.
+
+    Return how many lanes are busy.
+    """
+    busy = 0
+    for _ in range(looks):
+        busy = 0
+        for i in range(BLOCK):
+            if owner[i] == -1:
+                owner[i] = _seat(finals, wanted, ends, tickets, lanes, i)
+            busy += owner[i] >= 0
+        if busy == 0:
+            break
+        if _swing(lanes, 0, 0):
+            for i in range(BLOCK):
+                if owner[i] >= 0 and lanes[SWINGING * lane.LANES + i] > 0.0:
+                    end = _turn(lanes, i, results[owner[i]])
+                    if end != RUNNING:
+                        ends[owner[i]] = end
+                        owner[i] = -1
+    return busy

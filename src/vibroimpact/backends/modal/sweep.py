@@ -120,7 +120,7 @@ class SystemSweep:
         cells, n = self.cells[done], self.layout.modes
         eta, rate, turn = np.split(self._finals[done], [n, 2 * n], axis=1)
         state = np.einsum("kij,pkj->pki", cells.shapes, np.stack([eta, rate / steps_of(cells)[:, None]]))
-        ended: SystemCells = cells.carried(state[0], state[1], _turns(*turn.T))
+        ended: SystemCells = cells.at(state[0], state[1], _turns(*turn.T))
         return ended
 
     def outcome(self, done: Counts | slice) -> Outcome:

@@ -46,12 +46,15 @@ def swing(rows, end, held, k, wide):
     a = _along(rows, pace, k, wide)
     _stretch(rows, a, end, k, wide)
     sine, cosine, theta = get(rows, k.turn, wide), get(rows, k.turn + 1, wide), pace * get(rows, k.theta, wide)
-    mean = square = s = c = 0.0 * end
-    for node, weight in NODES:
-        y, _ = valued(a, node * end)
-        sine_then, cosine_then = turned(sine, cosine, *sine_cosine(theta * node * end))
-        mean, square = mean + weight * y, square + weight * y * y
-        s, c = s + weight * y * sine_then, c + weight * y * cosine_then
+    sine, cosine = turned(sine, cosine, *sine_cosine(0.5 * theta * end))
+    mean = square = upright = across = 0.0 * end
+    for node, weight in NODES[:4]:  # and the one as far from the middle of the step, where the load has this phase
+        (y, _), (y1, _) = valued(a, node * end), valued(a, (1.0 - node) * end)
+        sine_off, cosine_off = sine_cosine((0.5 - node) * theta * end)
+        even, odd = weight * (y1 + y), weight * (y1 - y)
+        mean, square = mean + even, square + weight * (y * y + y1 * y1)
+        upright, across = upright + even * cosine_off, across + odd * sine_off
+    s, c = sine * upright + cosine * across, cosine * upright - sine * across
     length = end * pace
     for row, share in ((LENGTH, 1.0 + 0.0 * end), (MEAN, mean), (SQUARE, square), (SINE, s), (COSINE, c)):
         put(rows, at + row, wide, get(rows, at + row, wide) + share * length)
