@@ -198,8 +198,10 @@ class Sweep:
 
     def swings(self, done: Counts, status: Counts, stopped: Callable[[], bool]) -> tuple[Floats, NDArray[np.bool_]]:
         """Return the sums of how far cells swing, and which of them have some: those without are not followed."""
-        # The longest motions first, so that lanes end together.
-        which = np.argsort(status, kind="stable")[: np.count_nonzero(status <= Status.SHORT_WINDOW)]
+        # The longest motions first, so that lanes end together, and beside each other those with flights as long.
+        cell: Any = Cell(*self.cells[done].T)
+        which = np.lexsort((cell.omega**2 * cell.mass / cell.stiffness, status))
+        which = which[: np.count_nonzero(status <= Status.SHORT_WINDOW)]
         sums, ends, tickets = np.zeros((len(which), 7)), np.zeros(len(which), np.int8), np.zeros(1, np.int64)
         memory, owner, busy = aligned((SWINGING + 1) * LANES), np.full(BLOCK, -1), 1
         while busy and not stopped():
