@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from vibroimpact.backends import BACKENDS
+from vibroimpact.kernels.systems.elements import COLUMNS
 from vibroimpact.model.elements import KINDS as ELEMENTS
 from vibroimpact.model.oscillator import PARAMETERS
 
@@ -114,6 +115,15 @@ def test_the_kinds_of_stops_are_named_only_in_the_files_that_define_them():
     rooms = dict.fromkeys(kinds, "model/elements.py")
     rooms |= {f"{kind}Stop": "backends/reference/stops.py" for kind in kinds}
     assert {(kind, file) for file, text in FILES.items() for kind in {*names_in(text)} & {*rooms}} == {*rooms.items()}
+
+
+def test_one_file_of_the_kernels_says_by_what_law_stops_push():
+    attributes = {
+        file: {node.attr for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Attribute)}
+        for file, text in FILES.items()
+        if file.startswith("kernels/")
+    }
+    assert [file for file, names in attributes.items() if names & {*COLUMNS}] == ["kernels/systems/elements.py"]
 
 
 def test_no_code_asks_a_stop_whether_it_is_compliant():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from vibroimpact.kernels.flight import BARELY, turned
 from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.systems.elements import force_law, gives
 from vibroimpact.kernels.systems.layout import CLOSED, OPEN
 from vibroimpact.kernels.systems.reach import in_reach
 from vibroimpact.kernels.systems.series import (
@@ -166,7 +167,7 @@ def _hold(rows, acting, o, s, k, wide):
             if acting >> y & 1:
                 force = fma(-get(rows, k.held + z * s + y, wide), get(rows, k.near + y, wide), force)
         if k.compliant:
-            pushes = get(rows, k.spring + z, wide) > 0.0
+            pushes = gives(rows, z, k, wide)
             force = select(pushes, 0.0, force)
             put(rows, k.hold + z * SIZE + o, wide, select(pushes, get(rows, k.hold + z * SIZE + o, wide), force))
         else:
@@ -185,11 +186,11 @@ def _pull(rows, z, o, force, k, wide):
 
 @inner(forceinline=True)
 def _push(rows, z, o, pace, k, wide):
-    """Leave a derivative of k d + c d' of a compliant stop and is pushed in, and let it act."""
+    """Leave a derivative of the force of a stop that pushes, and let it act."""
     u, w = get(rows, k.near + k.stops + z, wide), clearance(rows, z, o + 1, k, wide)
     put(rows, k.near + k.stops + z, wide, w)
-    spring, dashpot = _engaged(rows, z, pace, k, wide)
-    force = -fma(spring, u, dashpot * w)
+    stiffness, damping = _engaged(rows, z, pace, k, wide)
+    force = -fma(stiffness, u, damping * w)
     put(rows, k.hold + z * SIZE + o, wide, force)
     _pull(rows, z, o, force, k, wide)
 
@@ -198,8 +199,8 @@ def _push(rows, z, o, pace, k, wide):
 def _engaged(rows, z, pace, k, wide):
     """Return stiffness and damping of a stop where it pushes, in steps of that pace."""
     pushes = get(rows, k.kind + z, wide) >= CLOSED
-    spring, dashpot = get(rows, k.spring + z, wide), get(rows, k.dashpot + z, wide)
-    return select(pushes, pace * pace * spring, 0.0), select(pushes, pace * dashpot, 0.0)
+    stiffness, damping = force_law(rows, z, k, wide)
+    return select(pushes, pace * pace * stiffness, 0.0), select(pushes, pace * damping, 0.0)
 
 
 @inner(forceinline=True)
@@ -209,16 +210,15 @@ def fly_alone(rows, k, wide):
     square, damping = pace * pace * get(rows, k.square, wide), pace * get(rows, k.damping, wide)
     load = times(_forced(rows, 0, pace, k, wide), pace * pace)
     for z in range(k.stops):
-        spring, dashpot = _engaged(rows, z, pace, k, wide)
+        p, q = _engaged(rows, z, pace, k, wide)
         jump, alpha = get(rows, k.jump + z, wide), get(rows, k.alpha + z, wide)
-        stands = _standing(rows, z, pace, k, wide)
-        load = plus_times(load, jump, slipped(stands, spring, dashpot))
-        square, damping = fma(jump * alpha, spring, square), fma(jump * alpha, dashpot, damping)
+        load = plus_times(load, jump, slipped(_standing(rows, z, pace, k, wide), p, q))
+        square, damping = fma(jump * alpha, p, square), fma(jump * alpha, q, damping)
     b0, b1 = get(rows, k.eta, wide), pace * get(rows, k.rate, wide)
     store(rows, k.flight, wide, oscillation(b0, b1, square, damping, load))
     for z in range(k.stops):
-        spring, dashpot = _engaged(rows, z, pace, k, wide)
-        store(rows, k.hold + z * SIZE, wide, slipped(clearances(rows, z, pace, k, wide), -spring, -dashpot))
+        p, q = _engaged(rows, z, pace, k, wide)
+        store(rows, k.hold + z * SIZE, wide, slipped(clearances(rows, z, pace, k, wide), -p, -q))
 
 
 @inner(forceinline=True)

@@ -6,6 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 from vibroimpact.kernels.machine import rare
+from vibroimpact.kernels.systems.elements import end_law, force_law, gives
 from vibroimpact.kernels.systems.layout import CLOSED
 
 GONE, DRIFTS, SLIDES, SWINGS = 0.0, 1.0, 2.0, 3.0  # axes: into a closed stop; mu = 0 without and with damping; mu > 0
@@ -56,8 +57,8 @@ def find_form(rows, k, f):
 
 @rare
 def pushes(rows, z, k):
-    """Return whether a compliant stop pushes."""
-    return rows[k.spring + z] > 0.0 and rows[k.kind + z] >= CLOSED
+    """Return whether a stop that gives pushes."""
+    return gives(rows, z, k, None) and rows[k.kind + z] >= CLOSED
 
 
 @rare
@@ -81,8 +82,9 @@ def _matrices(rows, k, f):
             for z in range(k.stops):
                 if pushes(rows, z, k):
                     product = _alpha(rows, z, i, k) * _alpha(rows, z, j, k)
-                    f.stiff[i, j] += rows[k.spring + z] * product
-                    f.drag[i, j] += rows[k.dashpot + z] * product
+                    stiffness, damping = force_law(rows, z, k, None)
+                    f.stiff[i, j] += stiffness * product
+                    f.drag[i, j] += damping * product
 
 
 @rare
@@ -92,12 +94,12 @@ def _moves(rows, z, h, k):
 
 
 @rare
-def _sprung(rows, z, h, k):
-    """Return the same number of k times that place and c times its rate."""
-    value = rows[k.spring + z] * _moves(rows, z, h, k)
+def _by_law(rows, z, h, law, k):
+    """Return the same number of p times that place and q times its rate, by a law (p, q)."""
+    value = law[0] * _moves(rows, z, h, k)
     if h == 0:
         return value
-    rate = (h + 1) // 2 * rows[k.theta] * rows[k.dashpot + z]
+    rate = (h + 1) // 2 * rows[k.theta] * law[1]
     return value - rate * _moves(rows, z, h + 1, k) if h % 2 else value + rate * _moves(rows, z, h - 1, k)
 
 
@@ -110,7 +112,7 @@ def _loads(rows, k, f):
             f.loads[h, j], f.places[h, j] = load * math.sqrt(rows[k.weight + j]), 0.0
             for z in range(k.stops):
                 if pushes(rows, z, k):
-                    f.loads[h, j] += _alpha(rows, z, j, k) * _sprung(rows, z, h, k)
+                    f.loads[h, j] += _alpha(rows, z, j, k) * _by_law(rows, z, h, force_law(rows, z, k, None), k)
                 for y in range(k.stops if holds(rows, z, k) else 0):
                     held = rows[k.held + z * k.stops + y]
                     f.places[h, j] += _alpha(rows, z, j, k) * held * _moves(rows, y, h, k)
@@ -121,13 +123,13 @@ def _watch(rows, k, f):
     """Leave what ends the phase: of every stop a, b, and the constant and harmonics."""
     n, s = k.modes, k.stops
     for z in range(s):
-        pushed, held_closed = pushes(rows, z, k), holds(rows, z, k)
+        pushed, held_closed, law = pushes(rows, z, k), holds(rows, z, k), end_law(rows, z, k, None)
         for j in range(n):
             alpha = _alpha(rows, z, j, k)
-            f.on_place[z, j] = rows[k.spring + z] * alpha if pushed else 0.0 if held_closed else -alpha
-            f.on_rate[z, j] = rows[k.dashpot + z] * alpha if pushed else 0.0
+            f.on_place[z, j] = law[0] * alpha if pushed else 0.0 if held_closed else -alpha
+            f.on_rate[z, j] = law[1] * alpha if pushed else 0.0
         for h in range(1 + 2 * k.harmonics):
-            f.offset[z, h] = -_sprung(rows, z, h, k) if pushed else 0.0 if held_closed else _moves(rows, z, h, k)
+            f.offset[z, h] = -_by_law(rows, z, h, law, k) if pushed else 0.0 if held_closed else _moves(rows, z, h, k)
         for y in range(s if held_closed else 0):  # G^-1 (a . acceleration without it - acceleration of the stop)
             held = rows[k.held + z * s + y]
             for h in range(1 + 2 * k.harmonics):

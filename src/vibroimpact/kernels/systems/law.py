@@ -28,12 +28,13 @@ from vibroimpact.kernels.law import COMPLETES, HOLD, SHORT
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.restitution import restitution
 from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary
+from vibroimpact.kernels.systems.elements import gives
 from vibroimpact.kernels.systems.flow import stop_moves, turns
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, OPEN, RELEASED, STRUCK
 from vibroimpact.kernels.systems.push import attend, stands
 from vibroimpact.kernels.systems.reach import in_reach
 from vibroimpact.kernels.systems.rest import NOWHERE, SHORTENED, TOUCH, derivative, derive, hold, measure, settle
-from vibroimpact.kernels.vectors import anywhere, get, put, select
+from vibroimpact.kernels.vectors import anywhere, get, no, put, select
 
 ENDLESS = 0.1  # of 1 - r: with less of (1 - p)(1 - r) a chatter is taken to end at no time
 
@@ -42,7 +43,7 @@ ENDLESS = 0.1  # of 1 - r: with less of (1 - p)(1 - r) a chatter is taken to end
 def begin(rows, k, room):
     """Settle the stops at which the start is at rest; return the set of those that closed.
 
-    A compliant stop and is touched at a speed of approach is struck at the end of the first step, of length zero.
+    One that gives and is touched at a speed of approach is struck at the end of the first step, of length zero.
     """
     turns(rows, k, None)
     touching, members, ahead = measure(rows, k, room), int(0.0), int(0.0)
@@ -50,7 +51,7 @@ def begin(rows, k, room):
         least = ROUNDING * _size_of_rate(rows, z, k, room)
         if touching >> z & 1 and abs(room.rate[z]) <= least:
             members |= 1 << z
-        if rows[k.spring + z] > 0.0 and room.rate[z] < -least:
+        if gives(rows, z, k, None) and room.rate[z] < -least:
             u, _, reach = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
             ahead |= int(abs(u) <= TOUCH * reach + NOWHERE * rows[k.speed]) << z
     closing = settle(rows, k, room, members) if members else 0
@@ -92,7 +93,7 @@ def closed(rows, k):
     """Return the set of rigid stops that are closed."""
     members = int(0.0)
     for z in range(k.stops):
-        if rows[k.kind + z] >= CLOSED and rows[k.spring + z] == 0.0:
+        if rows[k.kind + z] >= CLOSED and not gives(rows, z, k, None):
             members |= 1 << z
     return members
 
@@ -132,7 +133,7 @@ def bounce(rows, k, wide):
         rate, gram = select(at_y, w, rate), select(at_y, inverse, gram)
         r = select(at_y & (get(rows, k.law + y, wide) <= 0.0), get(rows, k.restitution + y, wide), r)
         if k.compliant:
-            at_y = at_y & (get(rows, k.spring + y, wide) <= 0.0)
+            at_y = at_y & no(gives(rows, y, k, wide))
         usual = usual & (at_y | (u > TOUCH * size + NOWHERE * get(rows, k.speed, wide)))
     usual = usual & (r > 0.0) & (-rate >= get(rows, k.cut, wide))
     impulse = select(usual, -(1.0 + r) * rate / gram, 0.0)

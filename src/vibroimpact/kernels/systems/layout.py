@@ -6,6 +6,7 @@ from collections import namedtuple
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
+from vibroimpact.kernels.systems.elements import COLUMNS
 from vibroimpact.kernels.systems.series import SIZE
 
 # How a stop is left: its clearance begins with no zero, a single one (just struck), a double one (from rest) or a
@@ -49,7 +50,7 @@ def _sizes(
         "held": s * s, "fixed": 0,
         "square": n, "damping": n * n, "load": n, "force": 2 * m * n, "alpha": s * n, "jump": s * n, "weight": n,
         "gap": s, "motion": 2 * m * s, "restitution": s, "law": s, "tick": 1,
-        "spring": s, "dashpot": s, "hard": s, "thick": s, "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
+        **dict.fromkeys(COLUMNS, s), "theta": 1, "cut": 1, "speed": 1, "steady": n + 2 * m * n,
         "margin": s, "give": s, "barrier": s, "growth": 1, "slide": n, "sliding": s * n,
         "lift": s * (n + 1 + 2 * m), "halves": leap, "wholes": leap, "fars": leap * far, "slow": s * n * far,
         "drawn": s * (n + 1 + 2 * m) * far, "reach": s * (1 + 2 * n) * far,

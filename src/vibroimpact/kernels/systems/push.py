@@ -1,9 +1,8 @@
-"""Compliant stops: when they begin to push and let go, and what their forces come to.
+"""Stops that give: when they begin to push and let go, and what their forces come to.
 
-While one is pushed in by d = -u > 0 its force is k d + c d', as long as that is above zero; there the system is as
-linear as in flight. It begins where u falls through zero. Where the force has fallen to zero it lets go: with c > 0
-before u is back at zero, and it would push again if -k d - c d' = k u + c u' fell to zero while u < 0. As long as that
-is above zero nothing can begin, whatever u does, so that it alone is watched until a step ends with u > 0.
+Their laws are in `elements`. While one pushes the system is as linear as in flight. One that has let go and is still
+pushed in would push again if -e = p u + q u' fell to zero while u < 0. As long as that is above zero nothing can begin,
+whatever u does, so that it alone is watched until a step ends with u > 0.
 
 A contact is stiff. A step in it is shorter than one in flight by `pace` = 1/(sqrt(1 + sum k G/W^2) + sum c G/W), a
 bound of W over the fastest rate by that of free motion, G = alpha M^-1 alpha^T.
@@ -18,6 +17,7 @@ from numba import types
 from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.complementarity import ROUNDING
+from vibroimpact.kernels.systems.elements import end_law, force_law, gives, quickens
 from vibroimpact.kernels.systems.flow import clearances, stop_moves, turns
 from vibroimpact.kernels.systems.layout import (
     BALANCED,
@@ -43,8 +43,8 @@ from vibroimpact.kernels.systems.series import (
 from vibroimpact.kernels.systems.trough import trough
 from vibroimpact.kernels.vectors import anywhere, get, put, select
 
-SURE = 1e-9  # of k times the lengths that u is the sum of: a damping force above it is no rounding
-EARLY = 0.5  # of a step: so early k d + c d' keeps the sign of its first derivative that is not zero
+SURE = 1e-9  # of p times the lengths that u is the sum of: what q u' adds to that is no rounding
+EARLY = 0.5  # of a step: so early e keeps the sign of its first derivative that is not zero
 # Nodes and weights of Gauss and Legendre on [0, 1]: with eight the square of a rate is integrated to rounding.
 NODES = (
     (0.019855071751231884, 0.05061426814518813),
@@ -67,7 +67,7 @@ def account(rows, end, k, wide):
     pace = get(rows, k.pace, wide)
     for z in range(k.stops):
         pushes = get(rows, k.kind + z, wide) >= CLOSED
-        damped = pushes & (get(rows, k.dashpot + z, wide) > 0.0)
+        damped = pushes & (force_law(rows, z, k, wide)[1] > 0.0)
         if anywhere(damped):
             _take(rows, z, damped, end, pace, k, wide)
         if anywhere(pushes):
@@ -83,13 +83,14 @@ def account(rows, end, k, wide):
 @inner(forceinline=True)
 def _take(rows, z, damped, end, pace, k, wide):
     """Add the energy that a stop with a damper takes, k d^2/2 and the integral of c d'^2."""
+    stiffness, damping = force_law(rows, z, k, wide)
     u, square = coefficients(clearances(rows, z, pace, k, wide)), 0.0 * end
     u1, _ = valued(u, end)
     for node, weight in NODES:
         _, rate = valued(u, node * end)
         square = square + weight * rate * rate
-    work = 0.5 * get(rows, k.spring + z, wide) * (u1 * u1 - u[0] * u[0])
-    _add(rows, k.work + z, wide, damped, work + get(rows, k.dashpot + z, wide) * square * end / pace)
+    work = 0.5 * stiffness * (u1 * u1 - u[0] * u[0])
+    _add(rows, k.work + z, wide, damped, work + damping * square * end / pace)
 
 
 @inner(forceinline=True)
@@ -141,7 +142,7 @@ def set_free(rows, k, wide):
         free = (leaving > 0.0) & (u > 0.0)
         put(rows, k.kind + z, wide, select(free, OPEN, get(rows, k.kind + z, wide)))
         put(rows, k.leaving + z, wide, select(free, 0.0, leaving))
-        # What ended the step was then -k d - c d' falling to zero with u > 0, where nothing begins.
+        # What ended the step was then -e falling to zero with u > 0, where nothing begins.
         mistaken = free & (get(rows, k.which, wide) == float(z))
         put(rows, k.hit, wide, select(mistaken, NOTHING, get(rows, k.hit, wide)))
         put(rows, k.engaged, wide, get(rows, k.engaged, wide) - select(free, 1.0, 0.0))
@@ -162,7 +163,7 @@ def stands(rows, z, sine, cosine, k, wide):
 
 @inner(forceinline=True)
 def meet(rows, k, wide, contact):
-    """Begin and end the usual contacts with compliant stops; return where they begin, where they end, and the speed.
+    """Begin and end the usual contacts with stops that give; return where they begin, where they end, and the speed.
 
     Usual is one above the cut while no other stop is closed, touched or pushes. `contact` is where a step ended at one.
     """
@@ -175,22 +176,22 @@ def meet(rows, k, wide, contact):
         at_z, elsewhere = which == float(z), (which < float(z)) | (which > float(z))
         u, w, size = stands(rows, z, sine, cosine, k, wide)
         clear = TOUCH * size + NOWHERE * get(rows, k.speed, wide)
-        kind, spring = get(rows, k.kind + z, wide), get(rows, k.spring + z, wide)
-        dashpot = get(rows, k.dashpot + z, wide)
-        first = at_z & (spring > 0.0) & (kind < CLOSED) & (-w >= get(rows, k.cut, wide))
-        first = first & ((dashpot <= 0.0) | (-dashpot * w > SURE * spring * size))
-        last = at_z & (spring > 0.0) & (kind >= CLOSED) & (w > 0.0) & ((dashpot <= 0.0) | (u < -clear))
+        kind, soft, (p, q) = get(rows, k.kind + z, wide), gives(rows, z, k, wide), end_law(rows, z, k, wide)
+        first = at_z & soft & (kind < CLOSED) & (-w >= get(rows, k.cut, wide))
+        first = first & ((q <= 0.0) | (-q * w > SURE * p * size))
+        last = at_z & soft & (kind >= CLOSED) & (w > 0.0) & ((q <= 0.0) | (u < -clear))
         begins, ends = begins & (first | (elsewhere & (u > clear))), ends & (last | (elsewhere & (u > clear)))
         speed = select(at_z, -w, speed)
-        hard, thick = select(at_z, get(rows, k.hard + z, wide), hard), select(at_z, get(rows, k.thick + z, wide), thick)
+        harder, thicker = quickens(rows, z, k, wide)
+        hard, thick = select(at_z, harder, hard), select(at_z, thicker, thick)
     for z in range(k.stops):
-        at_z, dashpot = which == float(z), get(rows, k.dashpot + z, wide)
-        pushes = select(dashpot > 0.0, CLOSED, BALANCED)
+        at_z, (_, q) = which == float(z), end_law(rows, z, k, wide)
+        pushes = select(q > 0.0, CLOSED, BALANCED)
         kind = select(at_z & begins, pushes, select(at_z & ends, STRUCK, get(rows, k.kind + z, wide)))
         put(rows, k.kind + z, wide, kind)
-        leaves = at_z & ends & (dashpot > 0.0)
+        leaves = at_z & ends & (q > 0.0)
         put(rows, k.leaving + z, wide, select(leaves, 1.0, get(rows, k.leaving + z, wide)))
-        engaged = select(at_z & begins, 1.0, select(at_z & ends & (dashpot <= 0.0), 0.0, engaged))
+        engaged = select(at_z & begins, 1.0, select(at_z & ends & (q <= 0.0), 0.0, engaged))
     put(rows, k.engaged, wide, engaged)
     pace = select(begins, 1.0 / (math.sqrt(1.0 + hard) + thick), select(ends, 1.0, get(rows, k.pace, wide)))
     put(rows, k.pace, wide, pace)
@@ -200,7 +201,7 @@ def meet(rows, k, wide, contact):
 
 @deferred("compliant stops", 1, types.UniTuple(types.intp, 2))
 def attend(rows, k, room, ahead):
-    """Decide of every compliant stop, but for those `ahead`, whether it pushes, has let go or is free.
+    """Decide of every stop that gives, but for those `ahead`, whether it pushes, has let go or is free.
 
     Return those that were free and push, with their speeds left, and the rigid ones that close by it. Where a damper
     begins or ends to push, accelerations jump, and stops that are closed or left from rest are settled anew.
@@ -209,7 +210,7 @@ def attend(rows, k, room, ahead):
     measure(rows, k, room)
     for z in range(k.stops):
         kind = rows[k.kind + z]
-        if rows[k.spring + z] > 0.0:
+        if gives(rows, z, k, None):
             free = kind < CLOSED and rows[k.leaving + z] == 0.0
             if not ahead >> z & 1:
                 changed |= _decide(rows, z, k)
@@ -223,26 +224,26 @@ def attend(rows, k, room, ahead):
     if changed and members:
         closing = settle(rows, k, room, members) & ~shut
         for z in range(k.stops):
-            changed |= rows[k.spring + z] > 0.0 and _decide(rows, z, k)
+            changed |= gives(rows, z, k, None) and _decide(rows, z, k)
     engaged = hard = thick = 0.0
     for z in range(k.stops):
-        if rows[k.spring + z] > 0.0 and (rows[k.kind + z] >= CLOSED or rows[k.leaving + z] > 0.0):
+        if gives(rows, z, k, None) and (rows[k.kind + z] >= CLOSED or rows[k.leaving + z] > 0.0):
             engaged += 1.0
-            hard += rows[k.hard + z] * (rows[k.kind + z] >= CLOSED)
-            thick += rows[k.thick + z] * (rows[k.kind + z] >= CLOSED)
+            harder, thicker = quickens(rows, z, k, None)
+            hard += harder * (rows[k.kind + z] >= CLOSED)
+            thick += thicker * (rows[k.kind + z] >= CLOSED)
     rows[k.engaged], rows[k.pace] = engaged, 1.0 / (math.sqrt(1.0 + hard) + thick)
     return began, closing
 
 
 @inner
 def _decide(rows, z, k):
-    """Decide how a compliant stop stands; return whether it pushes and did not, or the other way round.
+    """Decide how a stop that gives stands; return whether it pushes and did not, or the other way round.
 
     The first derivatives that are not rounding decide. They are those without its own force: as long as that is zero
     it does not matter.
     """
-    kind, c = rows[k.kind + z], rows[k.dashpot + z]
-    pushed = kind >= CLOSED
+    pushed, (p, q) = rows[k.kind + z] >= CLOSED, end_law(rows, z, k, None)
     turns(rows, k, None)
     u, _, size = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
     clear = TOUCH * size + NOWHERE * rows[k.speed]
@@ -258,9 +259,9 @@ def _decide(rows, z, k):
         free = STRUCK if order == 1 else RESTING if order == 2 else RELEASED if order == 3 else -lasts
         rows[k.kind + z] = free
         return pushed
-    # of k u + c u', which has one zero less than u after a touch, if c > 0
-    after = (order - 1 if c > 0.0 else order) if touched else 0
-    order, value, lasts = first(rows, z, k, after, rows[k.spring + z], c)
+    # of -e, which has one zero less than u after a touch, if q > 0
+    after = (order - 1 if q > 0.0 else order) if touched else 0
+    order, value, lasts = first(rows, z, k, after, p, q)
     if value > 0.0:
         away = STRUCK if order == 1 else RESTING if order == 2 else RELEASED if order == 3 else -lasts
         rows[k.kind + z], rows[k.leaving + z] = OPEN if order == 0 else away, 1.0

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 
 from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.systems.elements import force_law
 from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.vectors import anywhere, fma, get, least, put, select
 
@@ -53,10 +54,10 @@ def _stored(rows, k, wide):
     total = 0.0 * get(rows, k.engaged, wide)
     for z in range(k.stops):
         pressed = (get(rows, k.kind + z, wide) >= CLOSED) | (get(rows, k.leaving + z, wide) > 0.0)
-        spring = select(pressed, get(rows, k.spring + z, wide), 0.0)
-        if anywhere(spring > 0.0):
+        stiffness = select(pressed, force_law(rows, z, k, wide)[0], 0.0)
+        if anywhere(stiffness > 0.0):
             u = get(rows, k.gap + z, wide)
             for j in range(k.modes):
                 u = fma(-get(rows, k.alpha + z * k.modes + j, wide), get(rows, k.eta + j, wide), u)
-            total = fma(spring * u, u, total)
+            total = fma(stiffness * u, u, total)
     return total

@@ -16,6 +16,7 @@ from __future__ import annotations
 from vibroimpact.kernels.contact import negative_part, root_at_least
 from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.systems.elements import while_away, while_pushing
 from vibroimpact.kernels.systems.flow import carry, clearances, couple, fly_alone, fly_apart, fly_together, move, turns
 from vibroimpact.kernels.systems.layout import (
     BALANCED,
@@ -39,7 +40,6 @@ from vibroimpact.kernels.systems.series import (
     either,
     load,
     oscillation,
-    slipped,
     store,
     tail,
     valued,
@@ -90,17 +90,19 @@ def certified(a, kind):
 def _watched(rows, z, held, k, wide):
     """Return the series of a stop's clearance, or where it is closed of the force that holds it or that it pushes with.
 
-    Of one that has let go and is still pushed in it is that of -k d - c d': it stays away while that is above zero.
+    Of stops that give, those that push or have let go and are still pushed in, it is what `elements` has of these.
     """
-    b = clearances(rows, z, get(rows, k.pace, wide), k, wide)
+    pace = get(rows, k.pace, wide)
+    b = clearances(rows, z, pace, k, wide)
     kind = get(rows, k.kind + z, wide)
     if held:
-        b = either(kind >= CLOSED, load(rows, k.hold + z * SIZE, wide), b)
+        force = load(rows, k.hold + z * SIZE, wide)
+        if k.compliant:
+            force = while_pushing(rows, z, b, force, pace, k, wide)
+        b = either(kind >= CLOSED, force, b)
     leaving = get(rows, k.leaving + z, wide) > 0.0
     if k.compliant and anywhere(leaving):
-        pace = get(rows, k.pace, wide)
-        spring, dashpot = pace * pace * get(rows, k.spring + z, wide), pace * get(rows, k.dashpot + z, wide)
-        b = either(leaving & (kind < CLOSED), slipped(b, spring, dashpot), b)
+        b = either(leaving & (kind < CLOSED), while_away(rows, z, b, pace, k, wide), b)
     # The zeros that it begins with are exact, whatever rounding makes of them.
     let_go = kind == RELEASED
     at_rest = let_go | (kind == RESTING)

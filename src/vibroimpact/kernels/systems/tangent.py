@@ -10,7 +10,8 @@ d'' the accelerations of the stops, and R = d(r v)/dv where restitution is a law
 -alpha (dp- + (a- - a+) dt) and R = 0, so that its clearance does not move. It is the saltation of M. A. Aizerman and
 F. R. Gantmakher, J. Appl. Math. Mech. 22 (1958) 1065, for several stops. A stop that closes takes from a deviation what
 would move its clearance; where all is closed nothing is left, and the exponent is minus infinity. A stop that lets go
-takes nothing: the acceleration is continuous.
+takes nothing where its force has fallen to zero: the acceleration is continuous. Where that jumps, P = 0 and the
+clearance rises, w- > 0.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ import math
 from vibroimpact.kernels.cycle import UNRESOLVED
 from vibroimpact.kernels.machine import inner, whole
 from vibroimpact.kernels.systems.complementarity import solve
-from vibroimpact.kernels.systems.layout import CLOSED
+from vibroimpact.kernels.systems.elements import force_law, gives, parts_abruptly
+from vibroimpact.kernels.systems.layout import CLOSED, CONTACT
 from vibroimpact.kernels.systems.march import (
     BEFORE,
     CHATTERED,
@@ -74,10 +76,11 @@ def accelerate(rows, k, acceleration):
         for i in range(n):
             acceleration[j] -= rows[k.damping + j * n + i] * rows[k.rate + i]
     for z in range(s if k.compliant else 0):
-        if rows[k.kind + z] >= CLOSED and rows[k.spring + z] > 0.0:
+        if rows[k.kind + z] >= CLOSED and gives(rows, z, k, None):
+            p, q = force_law(rows, z, k, None)
             u, w, _ = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
             for j in range(n):
-                acceleration[j] += rows[k.jump + z * n + j] * (rows[k.spring + z] * u + rows[k.dashpot + z] * w)
+                acceleration[j] += rows[k.jump + z * n + j] * (p * u + q * w)
     if rows[k.closed] == 0.0:
         return
     for z in range(s):  # of each clearance, as if nothing were closed
@@ -100,8 +103,8 @@ def before(rows, k, room):
 
 
 @inner
-def cross(rows, k, room, z):
-    """Carry the deviation over the impact of stop z that was just made."""
+def cross(rows, k, room, z, v):
+    """Carry the deviation over the impact of stop z that was just made, or the end of a contact; v is -w-."""
     n, s, active = k.modes, k.stops, int(0.0)
     measure(rows, k, room)
     accelerate(rows, k, room.after)
@@ -109,9 +112,9 @@ def cross(rows, k, room, z):
     for j in range(n):
         room.jumped[j] -= rows[k.rate + j]  # p- - p+
         du -= rows[k.alpha + z * n + j] * rows[k.deta + j]
-    dt = du / room.speed[z]
+    dt = du / v
     for y in range(s):
-        held = rows[k.kind + y] >= CLOSED and rows[k.spring + y] == 0.0 and room.speed[y] == 0.0
+        held = rows[k.kind + y] >= CLOSED and not gives(rows, y, k, None) and room.speed[y] == 0.0
         if held or room.impulse[y] > 0.0:
             active |= 1 << y
         dw = 0.0 if held else _load(rows, k.motion + 2 * k.harmonics * y, 0.0, 2, k, None) * dt
@@ -194,7 +197,9 @@ def pass_over(rows, k, room, struck, closing):
     """Carry the deviation over what was just made; `before` comes before that."""
     z = int(rows[k.which])
     if struck and room.speed[z] > 0.0:
-        cross(rows, k, room, z)
+        cross(rows, k, room, z, room.speed[z])
+    elif k.compliant and not struck and rows[k.hit] == CONTACT and parts_abruptly(rows, z, k) and room.rate[z] > 0.0:
+        cross(rows, k, room, z, -room.rate[z])
     if closing or rows[k.closed] > 0.0:
         confine(rows, k)
 

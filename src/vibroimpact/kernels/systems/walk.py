@@ -11,6 +11,7 @@ from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.leaps import TURN
 from vibroimpact.kernels.machine import compiled, copy, inner
 from vibroimpact.kernels.systems.closing import part_lanes, stays_pressed
+from vibroimpact.kernels.systems.elements import gives
 from vibroimpact.kernels.systems.event import lift, lower, rigid, walk_on
 from vibroimpact.kernels.systems.flow import move, turns
 from vibroimpact.kernels.systems.lasting import lasting
@@ -152,13 +153,13 @@ def _record(rows, k, room, note, record, lane, struck, window):
     measure(rows, k, room)
     for z in range(k.stops):
         if struck >> z & 1 and room.speed[z] >= rows[k.cut]:
-            row, gives = record.impacts[lane, _count(record, lane, note, window)], rows[k.spring + z] > 0.0
+            row, soft = record.impacts[lane, _count(record, lane, note, window)], gives(rows, z, k, None)
             row[0], row[1] = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
-            row[2], row[3], row[4], row[5] = z, room.speed[z], math.nan if gives else room.impulse[z], hard > 1
+            row[2], row[3], row[4], row[5] = z, room.speed[z], math.nan if soft else room.impulse[z], hard > 1
             row[6:] = math.nan
-            if not gives:
+            if not soft:
                 row[9], row[10], row[11] = 0.5 * (room.speed[z] - room.rate[z]) * room.impulse[z], 0.0, room.rate[z]
-            if gives and window.transient < note[HITS] <= window.total:
+            if soft and window.transient < note[HITS] <= window.total:
                 rows[k.entry + z] = record.filled[lane, 0]
 
 
