@@ -1,13 +1,16 @@
 """The engine in front of compliant stops: closed forms, balances of energy and momentum, limits and hard cases."""
 
 import math
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
 
 import vibroimpact as vi
 from systems import linear
+from vibroimpact.backends.modal import rows
 from vibroimpact.backends.reference.systems import follow
+from vibroimpact.model.elements import BLOCKS, Block
 
 FEW = {"transient_impacts": 0, "sample_impacts": 8}
 
@@ -23,6 +26,16 @@ def spring(k, c=0.0, gap=0.3, direction=1.0, **more):
 
 def section(system, **how):
     return vi.impact_section(system, **(FEW | how))
+
+
+# Columns of a table that the kernels have none for: one with a number in it, one without.
+@pytest.mark.parametrize(("column", "refused"), [("fastest", True), ("time", False)])
+def test_a_stop_with_a_number_that_the_kernels_do_not_know_is_refused(monkeypatch, column, refused):
+    monkeypatch.setattr(rows, "BLOCKS", BLOCKS | {"bond": Block(column)})
+    system, says = oscillator(spring(60.0, 0.8)), "a stop has a `bond`, for which .* no contact law; make it rigid"
+    for run in (section, vi.simulate, lambda one: vi.parameter_map(one, omega=[1.3], indices=["std"], **FEW)):
+        with pytest.raises(ValueError, match=says) if refused else nullcontext():
+            run(system)
 
 
 def test_unforced_motion_loses_what_dampers_and_stops_take():

@@ -106,6 +106,12 @@ def test_every_number_of_a_kind_has_a_range_and_a_block_of_cells():
         assert kind.instead.keys() == taken - decided - {*kind.takes}
 
 
+def test_a_table_of_cells_tells_the_kinds_apart():
+    columns = [{*element.row()} - {"law"} for element in (stop.element for stop in STOPS.values())]
+    kinds = [type(stop.element) for stop in STOPS.values()]
+    assert len({*kinds}) == len(KINDS) == len({*map(frozenset, columns)})
+
+
 @pytest.mark.parametrize("name", STOPS)
 def test_a_stop_bars_the_way_in_a_table_as_its_kind_says(name):
     stop = STOPS[name]

@@ -41,6 +41,7 @@ def steps_of(cells: SystemCells) -> Floats:
 
 def in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
     """Return the engine's rows of all cells, with time in steps and the cutoff relative to V."""
+    _check_known(cells, layout)
     step = steps_of(cells)[:, None]
     table = np.zeros((len(cells), layout.constants))
     for name, size in cells.shape.sizes.items():
@@ -56,6 +57,15 @@ def in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
     table[:, layout.speed] = table[:, layout.cut]
     table[:, layout.cut] *= chatter
     return table
+
+
+def _check_known(cells: SystemCells, layout: Layout) -> None:
+    """Raise if a stop has a number that the kernels have no column for: they would compute it as one without it."""
+    for name, block in BLOCKS.items():
+        if not hasattr(layout, block.name) and (cells.block(block.name) != block.none).any():
+            raise ValueError(
+                f"a stop has a `{name}`, for which back end 'cpu' has no contact law; make it rigid or compliant"
+            )
 
 
 def _address_laws(k: Layout, table: Floats) -> None:
