@@ -36,7 +36,7 @@ Which = NDArray[np.intp]
 Real = NDArray[Any]  # of double or extended precision
 Watch = tuple[int, int]  # quantities watched until they fall through zero, and their stops
 
-CLEARANCE, FORCE, SLACK, DEEP = range(4)  # u, lambda, k u + c u', -u
+CLEARANCE, FORCE, LASTING, AWAY, DEEP = range(5)  # u, lambda, -p u - q u', p u + q u', -u
 
 STRIDE = 0.1  # radians of the fastest rate per interval of a block
 ROOT = 8  # the square root of BLOCK
@@ -109,9 +109,11 @@ class Equations:
         none = np.zeros((self.s, 2 * self.n + 2 * self.s))
         self.bending = np.column_stack([none, bends / self.length]) - self.directions @ self.acceleration
         self.slack = np.zeros_like(self.bending)  # k u + c u': minus the force of a stop that pushes
+        self.ending = np.zeros_like(self.bending)  # p u + q u': rises through zero where a contact ends
         stops = np.arange(self.s)
-        forces = np.array([stop.slack for stop in system.stops], float).reshape(self.s, 2)
-        self.slack[stops, 2 * self.n + stops], self.slack[stops, 2 * self.n + self.s + stops] = forces.T
+        laws = np.array([[stop.slack, stop.ending] for stop in system.stops], float).reshape(self.s, 2, 2)
+        for rows, law in ((self.slack, laws[:, 0]), (self.ending, laws[:, 1])):
+            rows[stops, 2 * self.n + stops], rows[stops, 2 * self.n + self.s + stops] = law.T
         self.phases: dict[tuple[tuple[int, ...], tuple[int, ...]], Phase] = {}
 
     def basis(self, phase: float) -> Floats:
@@ -167,7 +169,8 @@ class Phase:
         self.tick = ROUNDING * eq.period  # tolerance of the time of an event
         self.powers = np.arange(TERMS)
         clearances = np.eye(size)[u:v]
-        values = np.stack([clearances, self.force, eq.slack, -clearances])  # in the order of the kinds of a Watch
+        # in the order of the kinds of a Watch
+        values = np.stack([clearances, self.force, -eq.ending, eq.ending, -clearances])
         self.rows = np.stack([values, values @ matrix, values @ matrix @ matrix], axis=2)  # (kinds, stops, 3, size)
 
     def moved(self, x: Floats, time: float) -> Floats:

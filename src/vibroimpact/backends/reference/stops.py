@@ -37,6 +37,11 @@ class Stop:
         """The coefficients k, c of the force -k u - c u' while it pushes; zero if contacts are impulses."""
         return 0.0, 0.0
 
+    @property
+    def ending(self) -> tuple[float, float]:
+        """The coefficients p, q of -p u - q u', which ends a contact where it falls to zero: by default the force."""
+        return self.slack
+
     def ratio(self, speed: float) -> Any:
         """Return the ratio r of the speeds after and before an impact, given that before it; zero without impulses."""
         return 0.0

@@ -17,11 +17,12 @@ from numpy.typing import ArrayLike
 from vibroimpact.backends.reference.contacts import held_closed, impact_law
 from vibroimpact.backends.reference.events import Event, Moment, Trajectory
 from vibroimpact.backends.reference.phases import (
+    AWAY,
     CLEARANCE,
     DEEP,
     DEPTH,
     FORCE,
-    SLACK,
+    LASTING,
     Equations,
     LinearSystem,
     Phase,
@@ -204,7 +205,7 @@ class _Walk:
         if clear >= -touch:
             nears = clear <= touch and self.at.rate[j] <= 0.0
             return int(nears and phase.leading(phase.rows[CLEARANCE, j, 0], x)[1] < 0.0)
-        return 1 if phase.leading(self.eq.slack[j], x)[1] < 0.0 else -1
+        return 1 if phase.leading(self.eq.ending[j], x)[1] < 0.0 else -1
 
     def _begin_contacts(self) -> None:
         """Record the contacts that begin now, and discard those that are over."""
@@ -317,7 +318,7 @@ class _Walk:
                     self.events[index] = self.events[index].after(push)
         n, s = eq.n, eq.s
         q, v, u, w = np.split(end[: 2 * n + 2 * s], [n, 2 * n, 2 * n + s])
-        u[[j for kind, j in met if kind != SLACK and (kind != FORCE or eq.stops[j].slack[1] == 0.0)]] = 0.0
+        u[[j for kind, j in met if kind != AWAY and (kind != LASTING or eq.stops[j].ending[1] == 0.0)]] = 0.0
         u[list(self.closed)] = w[list(self.closed)] = 0.0
         self.at = Moment(*self.at.later(time / eq.period), q, v, u, w)
         closed = np.array(self.closed, int)
@@ -333,8 +334,8 @@ class _Walk:
                 continue
             if j in self.away:
                 watched[DEEP, j] = 0.0
-            forced = j in self.held or j in self.pushing
-            kind = FORCE if forced else SLACK if j in self.away else CLEARANCE
+            kind = AWAY if j in self.away else CLEARANCE
+            kind = FORCE if j in self.held else LASTING if j in self.pushing else kind
             row, sure = phase.rows[kind, j, 0], 0.0
             if kind != CLEARANCE:
                 order, value = phase.leading(row, x)
