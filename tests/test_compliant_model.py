@@ -137,6 +137,7 @@ def test_a_force_has_a_value_only_where_a_contact_takes_time(name):
     force = element.force(np.array([-0.1, 0.1, 0.1]), np.array([1.0, 1.0, -9.0]))
     expected = [np.nan] * 3 if element.instantaneous else [0.0, 7.0, 0.0]
     assert force.tolist() == pytest.approx(expected, nan_ok=True)
+    assert element.coefficients == ((0.0, 0.0) if element.instantaneous else (50.0, 2.0))
     assert ("peak_force" in element.reports) is not element.instantaneous
 
 

@@ -172,8 +172,8 @@ class Rates(dict[tuple[int, ...], float]):
         system, n = self.system, self.system.coordinates
         stiffness, damping = system.stiffness, system.damping
         for stop in (system.stops[at] for at in pushing):
-            stiffness = stiffness + (stop.stiffness or 0.0) * np.outer(stop.direction, stop.direction)
-            damping = damping + (stop.damping or 0.0) * np.outer(stop.direction, stop.direction)
+            (k, c), along = stop.element.coefficients, np.outer(stop.direction, stop.direction)
+            stiffness, damping = stiffness + k * along, damping + c * along
         acting: Any = np.linalg.solve(system.mass, np.hstack([-stiffness, -damping]))
         companion = block_matrix(np.zeros((n, n)), np.eye(n), acting[:, :n], acting[:, n:])
         highest = max(orders_of(system), default=0)

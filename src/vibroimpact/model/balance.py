@@ -33,7 +33,8 @@ def depth_of(stop: Stop, omega: float, q: Floats, v: Floats, angle: Floats) -> t
 
 def law_of(stop: Stop, depth: Floats, rate: Floats) -> Floats:
     """Return k d + c d' of a compliant stop in N: its force while that is above zero."""
-    return (stop.stiffness or 0.0) * depth + (stop.damping or 0.0) * rate
+    k, c = stop.element.coefficients
+    return k * depth + c * rate
 
 
 def accelerations(system: ImpactSystem, q: Floats, v: Floats, angle: Floats, forces: Floats) -> Floats:

@@ -171,6 +171,11 @@ class Element(ABC):
         """The restitution, if it is the same at all speeds."""
         return None
 
+    @property
+    def coefficients(self) -> tuple[float, float]:
+        """The k in N/m and c in N s/m of the force k d + c d' while it acts; zeros if contacts are impulses."""
+        return 0.0, 0.0
+
     def row(self) -> dict[str, float]:
         """Return the numbers for the columns of `BLOCKS`."""
         return {name: getattr(self, name) for name in self.takes}
@@ -283,6 +288,11 @@ class Compliant(Element):
     def lossless(self) -> bool:
         """Whether it has no damper."""
         return self.damping == 0.0
+
+    @property
+    def coefficients(self) -> tuple[float, float]:
+        """The stiffness and the damping."""
+        return self.stiffness, self.damping
 
     def rebound(self, v: Any) -> Any:
         """Return -1: the rate does not change."""

@@ -114,13 +114,13 @@ class ModalForm:
 
 def numbers_of(stops: Any) -> dict[str, Any]:
     """Return gaps, restitutions, stiffnesses and viscosities of stops; NaN or 0 if a stop has none."""
-    numbers = [stop.element.row() for stop in stops]
+    laws = np.array([stop.element.coefficients for stop in stops], np.float64).reshape(-1, 2)
     ratios = [math.nan if stop.ratio is None else stop.ratio for stop in stops]
     return {
         "gaps": np.array([stop.gap for stop in stops], np.float64),
         "restitution": np.array(ratios, np.float64),
-        "stiffness": np.array([row.get("stiffness", 0.0) for row in numbers], np.float64),
-        "viscosity": np.array([row.get("damping", 0.0) for row in numbers], np.float64),
+        "stiffness": laws[:, 0].copy(),
+        "viscosity": laws[:, 1].copy(),
     }
 
 
