@@ -1,15 +1,15 @@
-"""The kinds of stops: which of them give, by what law they push, and what begins and ends a contact with them.
+"""The kinds of stops: which of them are compliant, by what law these push, and what begins and ends a contact.
 
-A rigid stop is left by an impulse, or held closed (`law`, `rest`); it has zeros in the columns here. One that gives
-pushes while a mass is in it, by d = -u > 0, with the linear force
+A rigid stop acts by impulses, or is held closed (`law`, `rest`); its columns here are zero. Contacts with a compliant
+stop take time. While it is pushed in by d = -u > 0 its force is linear,
 
     F = k d + c d'.
 
-A contact begins where u falls through zero, and goes on while e = p d + q d' is above zero. Here e is the force, since
-no stop pulls, and q > 0 if there is a damper: the stop then lets go before it is free, and would push again if -e fell
-to zero while u < 0. Where q = 0, e is zero where u is.
+A contact begins where u falls through zero, and lasts while e = p d + q d' is above zero. Here e is the force, since
+no stop pulls, and q > 0 if there is a damper: the stop then lets go before it is free, and pushes again if -e falls to
+zero while u < 0. Where q = 0, e and u are zero at the same time.
 
-All other files ask here. A kind of stop with a linear force is a column and its cases in these functions.
+All other files ask these functions. Another kind of stop with a linear force is one more column and one more case.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ COLUMNS = "spring", "dashpot", "hard", "thick"
 
 
 @inner(forceinline=True)
-def gives(rows, z, k, wide):
+def is_compliant(rows, z, k, wide):
     """Return whether contacts with a stop take time."""
     return get(rows, k.spring + z, wide) > 0.0
 
@@ -42,7 +42,7 @@ def end_law(rows, z, k, wide):
 
 @inner(forceinline=True)
 def parts_abruptly(rows, z, k):
-    """Return whether the force of a stop jumps where its contact ends: not where e is in proportion to it."""
+    """Return whether the force of a stop jumps where its contact ends: it does not if e is in proportion to it."""
     (stiffness, damping), (p, q) = force_law(rows, z, k, None), end_law(rows, z, k, None)
     return stiffness * q != damping * p
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from vibroimpact.kernels.flight import BARELY, turned
 from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.systems.elements import force_law, gives
+from vibroimpact.kernels.systems.elements import force_law, is_compliant
 from vibroimpact.kernels.systems.layout import CLOSED, OPEN
 from vibroimpact.kernels.systems.reach import in_reach
 from vibroimpact.kernels.systems.series import (
@@ -167,7 +167,7 @@ def _hold(rows, acting, o, s, k, wide):
             if acting >> y & 1:
                 force = fma(-get(rows, k.held + z * s + y, wide), get(rows, k.near + y, wide), force)
         if k.compliant:
-            pushes = gives(rows, z, k, wide)
+            pushes = is_compliant(rows, z, k, wide)
             force = select(pushes, 0.0, force)
             put(rows, k.hold + z * SIZE + o, wide, select(pushes, get(rows, k.hold + z * SIZE + o, wide), force))
         else:

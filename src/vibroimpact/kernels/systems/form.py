@@ -6,7 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 from vibroimpact.kernels.machine import rare
-from vibroimpact.kernels.systems.elements import end_law, force_law, gives
+from vibroimpact.kernels.systems.elements import end_law, force_law, is_compliant
 from vibroimpact.kernels.systems.layout import CLOSED
 
 GONE, DRIFTS, SLIDES, SWINGS = 0.0, 1.0, 2.0, 3.0  # axes: into a closed stop; mu = 0 without and with damping; mu > 0
@@ -57,8 +57,8 @@ def find_form(rows, k, f):
 
 @rare
 def pushes(rows, z, k):
-    """Return whether a stop that gives pushes."""
-    return gives(rows, z, k, None) and rows[k.kind + z] >= CLOSED
+    """Return whether a compliant stop pushes."""
+    return is_compliant(rows, z, k, None) and rows[k.kind + z] >= CLOSED
 
 
 @rare

@@ -28,7 +28,7 @@ from vibroimpact.kernels.law import COMPLETES, HOLD, SHORT
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.restitution import restitution
 from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary
-from vibroimpact.kernels.systems.elements import gives
+from vibroimpact.kernels.systems.elements import is_compliant
 from vibroimpact.kernels.systems.flow import stop_moves, turns
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, OPEN, RELEASED, STRUCK
 from vibroimpact.kernels.systems.push import attend, stands
@@ -43,7 +43,7 @@ ENDLESS = 0.1  # of 1 - r: with less of (1 - p)(1 - r) a chatter is taken to end
 def begin(rows, k, room):
     """Settle the stops at which the start is at rest; return the set of those that closed.
 
-    One that gives and is touched at a speed of approach is struck at the end of the first step, of length zero.
+    A compliant stop that is touched at a speed of approach is struck at the end of the first step, of length zero.
     """
     turns(rows, k, None)
     touching, members, ahead = measure(rows, k, room), int(0.0), int(0.0)
@@ -51,7 +51,7 @@ def begin(rows, k, room):
         least = ROUNDING * _size_of_rate(rows, z, k, room)
         if touching >> z & 1 and abs(room.rate[z]) <= least:
             members |= 1 << z
-        if gives(rows, z, k, None) and room.rate[z] < -least:
+        if is_compliant(rows, z, k, None) and room.rate[z] < -least:
             u, _, reach = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
             ahead |= int(abs(u) <= TOUCH * reach + NOWHERE * rows[k.speed]) << z
     closing = settle(rows, k, room, members) if members else 0
@@ -93,7 +93,7 @@ def closed(rows, k):
     """Return the set of rigid stops that are closed."""
     members = int(0.0)
     for z in range(k.stops):
-        if rows[k.kind + z] >= CLOSED and not gives(rows, z, k, None):
+        if rows[k.kind + z] >= CLOSED and not is_compliant(rows, z, k, None):
             members |= 1 << z
     return members
 
@@ -133,7 +133,7 @@ def bounce(rows, k, wide):
         rate, gram = select(at_y, w, rate), select(at_y, inverse, gram)
         r = select(at_y & (get(rows, k.law + y, wide) <= 0.0), get(rows, k.restitution + y, wide), r)
         if k.compliant:
-            at_y = at_y & no(gives(rows, y, k, wide))
+            at_y = at_y & no(is_compliant(rows, y, k, wide))
         usual = usual & (at_y | (u > TOUCH * size + NOWHERE * get(rows, k.speed, wide)))
     usual = usual & (r > 0.0) & (-rate >= get(rows, k.cut, wide))
     impulse = select(usual, -(1.0 + r) * rate / gram, 0.0)

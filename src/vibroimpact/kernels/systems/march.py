@@ -11,7 +11,7 @@ from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, QUIET, QUIET_FOR, 
 from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.leaps import TURN
 from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.systems.elements import gives
+from vibroimpact.kernels.systems.elements import is_compliant
 from vibroimpact.kernels.systems.lasting import lasting
 from vibroimpact.kernels.systems.law import release, stalled, strike
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT
@@ -153,7 +153,7 @@ def happen(rows, k, room):
         room.speed[y], room.impulse[y], room.tail[y], room.rebound[y] = 0.0, 0.0, 0.0, 0.0
     if rows[k.hit] == CONTACT:
         rows[k.age] = 0.0
-    if gives(rows, z, k, None):
+    if is_compliant(rows, z, k, None):
         touching = measure(rows, k, room)
         for y in range(k.stops):  # a rigid one at the same place comes first, whatever their order
             if rows[k.hit] == CONTACT and not struck and touching >> y & 1 and room.rate[y] < 0.0:
@@ -177,7 +177,7 @@ def note_rests(rows, k, room, note, before, closing, recorded):
     periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
     now, any_tail, closed = periods + phase, math.inf, int(0.0)
     for y in range(k.stops):
-        if rows[k.kind + y] >= CLOSED and not gives(rows, y, k, None):
+        if rows[k.kind + y] >= CLOSED and not is_compliant(rows, y, k, None):
             closed |= 1 << y
             any_tail = min(any_tail, room.tail[y] if closing >> y & 1 else 0.0)
     for y in range(k.stops + 1):

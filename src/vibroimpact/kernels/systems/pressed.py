@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from vibroimpact.kernels.leaps import TURN
 from vibroimpact.kernels.machine import copy, inner, rare
-from vibroimpact.kernels.systems.elements import gives
+from vibroimpact.kernels.systems.elements import is_compliant
 from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.systems.march import AGAIN, HITS, STILL, WAITS
 
@@ -35,7 +35,7 @@ def repetition_is_due(notes, stride, lane, periods):
 
 @inner
 def in_contact(rows, z, k):
-    """Return whether a stop that gives pushes, or may push again before it is free."""
+    """Return whether a compliant stop pushes, or may push again before it is free."""
     return rows[k.kind + z] >= CLOSED or rows[k.leaving + z] > 0.0
 
 
@@ -51,10 +51,10 @@ def same_contacts(a, b, k):
 
 @rare
 def is_pressed(rows, k):
-    """Return whether a stop that gives is in contact, and one let go or pushed lately."""
+    """Return whether a compliant stop is in contact, and one let go or pushed lately."""
     pressed = False
     for z in range(k.stops if rows[k.age] * rows[k.theta] <= LONGEST * TURN else 0):
-        pressed |= gives(rows, z, k, None) and in_contact(rows, z, k)
+        pressed |= is_compliant(rows, z, k, None) and in_contact(rows, z, k)
     return pressed
 
 

@@ -1,4 +1,4 @@
-"""Stops that give: when they begin to push and let go, and what their forces come to.
+"""Compliant stops: when they begin to push and let go, and what their forces come to.
 
 Their laws are in `elements`. While one pushes the system is as linear as in flight. One that has let go and is still
 pushed in would push again if -e = p u + q u' fell to zero while u < 0. As long as that is above zero nothing can begin,
@@ -17,7 +17,7 @@ from numba import types
 from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.complementarity import ROUNDING
-from vibroimpact.kernels.systems.elements import end_law, force_law, gives, quickens
+from vibroimpact.kernels.systems.elements import end_law, force_law, is_compliant, quickens
 from vibroimpact.kernels.systems.flow import clearances, stop_moves, turns
 from vibroimpact.kernels.systems.layout import (
     BALANCED,
@@ -163,7 +163,7 @@ def stands(rows, z, sine, cosine, k, wide):
 
 @inner(forceinline=True)
 def meet(rows, k, wide, contact):
-    """Begin and end the usual contacts with stops that give; return where they begin, where they end, and the speed.
+    """Begin and end the usual contacts with compliant stops; return where they begin, where they end, and the speed.
 
     Usual is one above the cut while no other stop is closed, touched or pushes. `contact` is where a step ended at one.
     """
@@ -176,7 +176,7 @@ def meet(rows, k, wide, contact):
         at_z, elsewhere = which == float(z), (which < float(z)) | (which > float(z))
         u, w, size = stands(rows, z, sine, cosine, k, wide)
         clear = TOUCH * size + NOWHERE * get(rows, k.speed, wide)
-        kind, soft, (p, q) = get(rows, k.kind + z, wide), gives(rows, z, k, wide), end_law(rows, z, k, wide)
+        kind, soft, (p, q) = get(rows, k.kind + z, wide), is_compliant(rows, z, k, wide), end_law(rows, z, k, wide)
         first = at_z & soft & (kind < CLOSED) & (-w >= get(rows, k.cut, wide))
         first = first & ((q <= 0.0) | (-q * w > SURE * p * size))
         last = at_z & soft & (kind >= CLOSED) & (w > 0.0) & ((q <= 0.0) | (u < -clear))
@@ -201,7 +201,7 @@ def meet(rows, k, wide, contact):
 
 @deferred("compliant stops", 1, types.UniTuple(types.intp, 2))
 def attend(rows, k, room, ahead):
-    """Decide of every stop that gives, but for those `ahead`, whether it pushes, has let go or is free.
+    """Decide of every compliant stop, but for those `ahead`, whether it pushes, has let go or is free.
 
     Return those that were free and push, with their speeds left, and the rigid ones that close by it. Where a damper
     begins or ends to push, accelerations jump, and stops that are closed or left from rest are settled anew.
@@ -210,7 +210,7 @@ def attend(rows, k, room, ahead):
     measure(rows, k, room)
     for z in range(k.stops):
         kind = rows[k.kind + z]
-        if gives(rows, z, k, None):
+        if is_compliant(rows, z, k, None):
             free = kind < CLOSED and rows[k.leaving + z] == 0.0
             if not ahead >> z & 1:
                 changed |= _decide(rows, z, k)
@@ -224,10 +224,10 @@ def attend(rows, k, room, ahead):
     if changed and members:
         closing = settle(rows, k, room, members) & ~shut
         for z in range(k.stops):
-            changed |= gives(rows, z, k, None) and _decide(rows, z, k)
+            changed |= is_compliant(rows, z, k, None) and _decide(rows, z, k)
     engaged = hard = thick = 0.0
     for z in range(k.stops):
-        if gives(rows, z, k, None) and (rows[k.kind + z] >= CLOSED or rows[k.leaving + z] > 0.0):
+        if is_compliant(rows, z, k, None) and (rows[k.kind + z] >= CLOSED or rows[k.leaving + z] > 0.0):
             engaged += 1.0
             harder, thicker = quickens(rows, z, k, None)
             hard += harder * (rows[k.kind + z] >= CLOSED)
@@ -238,7 +238,7 @@ def attend(rows, k, room, ahead):
 
 @inner
 def _decide(rows, z, k):
-    """Decide how a stop that gives stands; return whether it pushes and did not, or the other way round.
+    """Decide how a compliant stop stands; return whether it pushes and did not, or the other way round.
 
     The first derivatives that are not rounding decide. They are those without its own force: as long as that is zero
     it does not matter.

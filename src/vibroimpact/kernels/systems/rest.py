@@ -7,7 +7,7 @@ from numba import types
 from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.systems.complementarity import FEW, PIVOTS, ROUNDING, complementary, solve
-from vibroimpact.kernels.systems.elements import gives
+from vibroimpact.kernels.systems.elements import is_compliant
 from vibroimpact.kernels.systems.flow import fly_together, stop_moves, turns
 from vibroimpact.kernels.systems.layout import BALANCED, CLOSED, OPEN, PASSING, RELEASED, RESTING
 from vibroimpact.kernels.systems.reach import in_reach
@@ -35,7 +35,8 @@ def measure(rows, k, room):
             size += abs(alpha * rows[k.eta + j])
             w -= alpha * rows[k.rate + j]
         room.rate[z] = w
-        if rows[k.kind + z] < CLOSED and not gives(rows, z, k, None) and u <= TOUCH * size + NOWHERE * rows[k.speed]:
+        open_rigid = rows[k.kind + z] < CLOSED and not is_compliant(rows, z, k, None)
+        if open_rigid and u <= TOUCH * size + NOWHERE * rows[k.speed]:
             touching |= 1 << z
         if touching >> z & 1 or rows[k.kind + z] != OPEN or z == int(rows[k.which]):
             beside |= 1 << z

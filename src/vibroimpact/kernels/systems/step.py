@@ -90,7 +90,7 @@ def certified(a, kind):
 def _watched(rows, z, held, k, wide):
     """Return the series of a stop's clearance, or where it is closed of the force that holds it or that it pushes with.
 
-    Of stops that give, those that push or have let go and are still pushed in, it is what `elements` has of these.
+    Of a compliant stop that pushes, or has let go and is still pushed in, it is what `elements` says.
     """
     pace = get(rows, k.pace, wide)
     b = clearances(rows, z, pace, k, wide)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.flight import turned
 from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.systems.elements import gives
+from vibroimpact.kernels.systems.elements import is_compliant
 from vibroimpact.kernels.systems.flow import driven, sine_cosine
 from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.systems.push import NODES
@@ -90,7 +90,7 @@ def _stretch(rows, a, end, k, wide):
 def _strengthen(rows, end, pace, k, wide):
     """Add the squares of the forces with which compliant stops push."""
     for z in range(k.stops):
-        pushes = (get(rows, k.kind + z, wide) >= CLOSED) & gives(rows, z, k, wide)
+        pushes = (get(rows, k.kind + z, wide) >= CLOSED) & is_compliant(rows, z, k, wide)
         if not anywhere(pushes):
             continue
         a, square = coefficients(times(load(rows, k.hold + z * SIZE, wide), 1.0 / (pace * pace))), 0.0 * end

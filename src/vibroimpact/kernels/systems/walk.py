@@ -11,7 +11,7 @@ from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.leaps import TURN
 from vibroimpact.kernels.machine import compiled, copy, inner
 from vibroimpact.kernels.systems.closing import part_lanes, stays_pressed
-from vibroimpact.kernels.systems.elements import gives
+from vibroimpact.kernels.systems.elements import is_compliant
 from vibroimpact.kernels.systems.event import lift, lower, rigid, walk_on
 from vibroimpact.kernels.systems.flow import move, turns
 from vibroimpact.kernels.systems.lasting import lasting
@@ -153,7 +153,7 @@ def _record(rows, k, room, note, record, lane, struck, window):
     measure(rows, k, room)
     for z in range(k.stops):
         if struck >> z & 1 and room.speed[z] >= rows[k.cut]:
-            row, soft = record.impacts[lane, _count(record, lane, note, window)], gives(rows, z, k, None)
+            row, soft = record.impacts[lane, _count(record, lane, note, window)], is_compliant(rows, z, k, None)
             row[0], row[1] = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
             row[2], row[3], row[4], row[5] = z, room.speed[z], math.nan if soft else room.impulse[z], hard > 1
             row[6:] = math.nan
