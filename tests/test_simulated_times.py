@@ -239,11 +239,53 @@ def test_a_bouncing_ball_repeats_after_one_impact_and_a_thrown_mass_after_two():
         assert vi.recognise(section).n_periods == 0
         with pytest.raises(ValueError, match="unknown `quantity` 'phase'; choose from velocity"):
             vi.plotting.bifurcation_diagram(diagram, quantity="phase")
-        indices = vi.describe(model, parameters=[gap], workers=1).to_dict()["indices"]
-        assert indices["impacts_per_period"] is None
-        assert indices["dissipation"] is None
         with pytest.raises(ValueError, match="`section` has no phases to draw: a phase is a fraction of the driving"):
             vi.plotting.impact_map(section)
+
+
+def loaded_constantly(seed):
+    """Return a chain of one to three masses that a constant load presses on stops, lossless or not, of any kind."""
+    rng = np.random.default_rng(seed)
+    n, lossless = int(rng.integers(1, 4)), seed % 2 == 0
+    springs = rng.uniform(0.5, 2.0, n + 1)
+    stiffness = np.diag(springs[:-1] + springs[1:]) - np.diag(springs[1:-1], 1) - np.diag(springs[1:-1], -1)
+    law = {"stiffness": rng.uniform(5.0, 50.0)} if rng.random() < 0.5 else {"restitution": 1.0 if lossless else 0.6}
+    return vi.ImpactSystem(
+        mass=np.diag(rng.uniform(0.5, 2.0, n)),
+        damping=(not lossless) * 0.05 * stiffness,
+        stiffness=stiffness,
+        force=vi.Force(constant=rng.uniform(0.5, 2.0, n)),
+        stops=[vi.Stop(direction=np.eye(n)[-1], gap=rng.uniform(0.05, 0.3), name="bar", **law)],
+    )
+
+
+def slower(model, times):
+    """Return the system whose motions are the same, but take longer."""
+    matrices = {"mass": times**2 * model.mass, "damping": times * model.damping, "stiffness": model.stiffness}
+    return vi.ImpactSystem(**matrices, force=model.force, stops=model.stops)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_verdict_without_a_driving_period_counts_per_second_and_never_per_period(seed):
+    model = loaded_constantly(seed)
+    verdict, slow = (vi.describe(each, parameters=[], workers=1) for each in (model, slower(model, 7.0)))
+    sweep = vi.parameter_map(model, bar_gap=[model.stops[0].gap], indices=tuple(verdict.indices), sample_impacts=20)
+    reasons = {name: column.attrs["no_value"] for name, column in sweep.items() if "no_value" in column.attrs}
+    assert verdict.no_value == verdict.to_dict()["no_value"] == reasons
+    assert {"impacts_per_period", "dissipation", "n_periods", "impact_phase_spread"} <= set(reasons)
+    for name in reasons:
+        np.testing.assert_equal(verdict.indices[name], float(sweep[name][0]))
+    assert all(np.isnan(one.dissipation) or one.dissipation == 0.0 for one in verdict.attractors)
+    assert "period" not in str(verdict).replace("periodic", "")
+    within = 1e-6 if model.coordinates == 1 else 0.3  # of chaos, only averages are the same
+    assert slow.rate == pytest.approx(verdict.rate / 7.0, rel=within, nan_ok=True)
+    assert slow.power == pytest.approx(verdict.power / 7.0, rel=within, abs=1e-9, nan_ok=True)
+    if np.isfinite(verdict.rate):
+        time = vi.impact_section(model, transient_impacts=127, sample_impacts=128)["time"].values
+        assert verdict.rate == pytest.approx(127 / (time[-1] - time[0]), rel=1e-6)
+        assert f"{verdict.rate:.2g} impacts per second" in str(verdict)
+    other = vi.compare(model, slower(model, 7.0), parameters=[], workers=1).dataset
+    assert {name for name, column in other.items() if "no_value" in column.attrs} == set(reasons)
 
 
 def test_a_preloaded_system_without_a_load_settles():

@@ -122,8 +122,10 @@ class Comparison:
             for parameter, values in self._parameters()
         }
         for name, index in INDICES.items():
-            values = np.array([verdict.value(name) for verdict in self.verdicts])
-            content[name] = variable(name, "design", values.astype(index.dtype))
+            values = np.array([verdict.indices[name] for verdict in self.verdicts])
+            lacking = [verdict.no_value.get(name) for verdict in self.verdicts]
+            why = {"no_value": lacking[0]} if all(lacking) else {}
+            content[name] = variable(name, "design", values.astype(index.dtype), **why)
         power, motion = zip(*((verdict.power, verdict.motion.name) for verdict in self.verdicts), strict=True)
         content["power"] = plain_variable("design", list(power), {"long_name": "mean power lost", "units": "W"})
         content["motion"] = plain_variable("design", _texts(motion), {"long_name": "name of the motion"})
@@ -196,7 +198,7 @@ def _number(value: float) -> str:
 
 
 def _index(verdict: Verdict, name: str) -> str:
-    return _number(shown_spread(verdict.value(name), spread_scale(name, verdict.max_velocity)))
+    return _number(shown_spread(verdict.indices[name], spread_scale(name, verdict.max_velocity)))
 
 
 def _worst(verdict: Verdict) -> str:

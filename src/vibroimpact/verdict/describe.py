@@ -10,7 +10,6 @@ from typing import Any
 
 from vibroimpact.backends import without_value
 from vibroimpact.coexistence.measuring import EQUAL, Runner, SpentError
-from vibroimpact.indices import EVERY
 from vibroimpact.model import Model, check_model
 from vibroimpact.model.units import check_units
 from vibroimpact.motion import Motion
@@ -47,8 +46,10 @@ class Verdict(Shown):
     status : str
         How the sampled motion ended, as in `parameter_map`.
     indices : dict
-        Every index of `parameter_map`, with its default sampling, or over the cycle if the motion reaches it later; NaN
-        if there is no value.
+        Every index of `parameter_map`, with its default sampling, or over the cycle if the motion reaches it later. If
+        there is no value, it is NaN, or 0 for counts; `no_value` gives the reason if the model has none.
+    power, rate : float
+        Mean power lost at the stops in W, and impacts per second; defined also without a driving period.
     watched : int
         Impacts after which the motion was certain, or over which it did not repeat.
     transient : str
@@ -80,6 +81,8 @@ class Verdict(Shown):
     orbit: Any
     status: str
     indices: dict[str, float]
+    power: float = math.nan
+    rate: float = math.nan
     watched: int = 0
     transient: str = ""
     releases: dict[str, int] = field(default_factory=dict)
@@ -93,9 +96,9 @@ class Verdict(Shown):
     units: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def power(self) -> float:
-        """Mean power lost at the stop, in W."""
-        return self.indices["dissipation"] / float(self.oscillator.period)
+    def no_value(self) -> dict[str, str]:
+        """Why the model has no value of an index, by the name of the index; empty if it has all of them."""
+        return {name: reason for name in self.indices if (reason := without_value(name, self.oscillator))}
 
     @property
     def max_velocity(self) -> float:
@@ -130,10 +133,6 @@ class Verdict(Shown):
         facts = [(title, lines) for title, lines in verdict_facts(self) if lines]
         return Table(f"from rest {self.motion.name}", ("", ""), facts)
 
-    def value(self, index: str) -> float:
-        """Return an index of the motion; NaN, or 0 for counts, if the model has no value of it."""
-        return float(EVERY[index].fill) if without_value(index, self.oscillator) else self.indices[index]
-
     def to_dict(self) -> dict[str, Any]:
         """Return plain dictionaries, lists, numbers and text, ready for JSON: NaN as None, infinity as "-inf"."""
         content = {
@@ -144,11 +143,13 @@ class Verdict(Shown):
             "multipliers": [[z.real, z.imag] for z in self.orbit.multipliers] if self.orbit else None,
             "stops": self.stops,
             "status": self.status,
-            "indices": {name: self.value(name) for name in self.indices},
+            "indices": self.indices,
+            **({"no_value": reasons} if (reasons := self.no_value) else {}),
             "watched": self.watched,
             "transient": self.transient,
             "releases": self.releases,
             "power": self.power,
+            "rate": self.rate,
             "boundaries": [asdict(edge) | {"accuracy": edge.accuracy} for edge in self.boundaries],
             "attractors": [asdict(motion) for motion in self.attractors],
             "advice": [asdict(advice) for advice in self.advice],
@@ -273,7 +274,9 @@ def describe(
         motion=present.motion,
         orbit=present.orbit,
         status=present.measured.status.word,
-        indices=present.measured.indices,
+        indices=present.indices,
+        power=present.per_second("dissipation"),
+        rate=present.per_second("impacts_per_period"),
         watched=present.final.watched,
         transient=present.final.before.name if present.final.before else "",
         releases=present.final.ends,

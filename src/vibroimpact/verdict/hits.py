@@ -69,11 +69,11 @@ def _sampled(verdict: Verdict) -> str:
     if verdict.kind == "sticking":
         return hardest
     names = "impacts_per_period", "mean_velocity", "impact_phase_spread"
-    rate, mean, spread = (verdict.indices[name] for name in names)
+    often, mean, spread = (verdict.indices[name] for name in names)
     if not verdict.oscillator.periodic:
-        return f"about {rate / verdict.oscillator.period:.2g} impacts per second, {hardest}, mean about {mean:.2g} m/s"
+        return f"about {verdict.rate:.2g} impacts per second, {hardest}, mean about {mean:.2g} m/s"
     phases = f"; phases spread {spread:.2g} (0 one phase, 1 uniform)" if math.isfinite(spread) else ""
-    return f"about {rate:.2g} times per period, {hardest}, mean about {mean:.2g} m/s{phases}"
+    return f"about {often:.2g} times per period, {hardest}, mean about {mean:.2g} m/s{phases}"
 
 
 def _on_each_stop(verdict: Verdict, hits: Sequence[tuple[float, float]]) -> Iterator[str]:

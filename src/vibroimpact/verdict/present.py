@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from vibroimpact.backends import Cells, ImpactWindow
+from vibroimpact.backends import Cells, ImpactWindow, without_value
 from vibroimpact.coexistence import Attractor
 from vibroimpact.coexistence.attractor import distinct_names
 from vibroimpact.coexistence.final import Final, final_motion, thrifty
@@ -14,6 +14,7 @@ from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runn
 from vibroimpact.coexistence.search import attractors_by, from_rest
 from vibroimpact.coexistence.striking import alike
 from vibroimpact.dataset import provenance
+from vibroimpact.indices import EVERY
 from vibroimpact.labels import labelled_impacts
 from vibroimpact.model import Model, State
 from vibroimpact.motion import Motion, MotionClass
@@ -60,6 +61,16 @@ class Present:
     def measured(self) -> Measured:
         """The motion with its indices."""
         return self.final.measured
+
+    @property
+    def indices(self) -> dict[str, float]:
+        """The indices of its motion; those that the model lacks have no value, as in maps."""
+        indices = self.measured.indices
+        return indices | {name: EVERY[name].fill for name in indices if without_value(name, self.oscillator)}
+
+    def per_second(self, index: str) -> float:
+        """Return an index per driving period as a rate; without a driving period, the engine's periods last 2 pi s."""
+        return self.measured.indices[index] / float(self.oscillator.period)
 
     @property
     def hardest(self) -> float:
@@ -145,7 +156,7 @@ class Coexisting:
     max_velocity : float
         Its hardest hit in m/s; 0 without impacts.
     dissipation : float
-        Energy lost at the stop per driving period, in J.
+        Energy lost at the stop per driving period, in J; NaN without a driving period, 0 without impacts.
     from_rest : bool
         Whether it is the motion that rest leads to.
     n_periods : int
@@ -193,7 +204,8 @@ def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ..
     at = next((i for i, attractor in enumerate(attractors) if _is_present(attractor, present)), None)
     if at is None:
         measured = present.measured
-        first = Coexisting(measured.name, 0.0, 0.0, measured.loss, True, measured.n_periods, present.state)
+        loss = measured.loss and present.indices["dissipation"]  # 0 without impacts
+        first = Coexisting(measured.name, 0.0, 0.0, loss, True, measured.n_periods, present.state)
     else:
         first = replace(motions.pop(at), from_rest=True)
     return replace(first, max_velocity=present.hardest), *motions

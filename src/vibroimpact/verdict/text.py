@@ -176,14 +176,14 @@ def _clear_of(verdict: Verdict) -> str:
 
 
 def _energy(verdict: Verdict) -> Iterator[str]:
-    lost = verdict.indices["dissipation"]
-    about, digits = ("", 4) if verdict.motion.n_periods or not lost else ("about ", 2)
-    if math.isfinite(lost):
-        stop = "stops" if len(verdict.oscillator.stops) > 1 else "stop"
+    about, digits = ("", 4) if verdict.motion.n_periods or not verdict.power else ("about ", 2)
+    if math.isfinite(verdict.power):
+        stop, power = "stops" if len(verdict.oscillator.stops) > 1 else "stop", f"{verdict.power:.{digits}g} W"
         if not verdict.oscillator.periodic:
-            yield f"{about}{verdict.power:.{digits}g} W lost at the {stop} on average"
+            yield f"{about}{power} lost at the {stop} on average"
             return
-        yield f"{about}{lost:.{digits}g} J lost at the {stop} per period, {verdict.power:.{digits}g} W on average"
+        lost = verdict.indices["dissipation"]
+        yield f"{about}{lost:.{digits}g} J lost at the {stop} per period, {power} on average"
 
 
 def _rest(verdict: Verdict) -> Iterator[str]:
