@@ -297,6 +297,44 @@ def test_a_quantity_of_pint_is_an_axis_in_its_unit():
     assert curve.dataset["omega"].values[[0, -1]].max() <= 0.6 * np.pi
 
 
+def test_quantities_of_pint_as_ranges_are_the_units_of_tables_and_figures(tmp_path):
+    of = pytest.importorskip("pint").UnitRegistry().Quantity
+    design = vi.ImpactOscillator(omega=2.6)
+    hertz, gaps = (of(0.38, "Hz"), of(0.44, "Hz")), of([-300.0, 300.0], "mm")
+    branch = vi.continue_orbit(vi.find_orbit(design)[0], "omega", hertz, step=0.05)
+    (point,) = branch.special
+    plain = vi.continue_orbit(vi.find_orbit(design)[0], "omega", (0.76 * np.pi, 0.88 * np.pi), step=0.05)
+    assert point.value == pytest.approx(plain.special[0].value, rel=1e-9)  # the numbers stay in rad/s
+    assert vi.plotting.branch_diagram(branch).get_xlabel() == r"driving frequency $\omega/2\pi$ [Hz]"
+    in_hertz = f"{point.value / (2.0 * np.pi):.4g}"
+    html = branch._repr_html_()
+    assert all(text in html for text in ("omega [Hz]", in_hertz))
+    assert "rad/s" not in html
+    assert any("period doubling at omega = 0.42238" in line and " Hz" in line for line in sentences_of(branch.dataset))
+    vi.save(branch, tmp_path / "branch.nc")
+    assert vi.load(tmp_path / "branch.nc") == branch
+    plane = ("omega", "gap"), (hertz, gaps)
+    curves = [vi.continuation.continue_boundary(point, *plane, step=0.1)]
+    curves += vi.boundary_curves(design, *plane, n_periods=(1,), lines=2, kinds=("period_doubling",))
+    for curve in curves:
+        rows = {name: (low, high) for name, low, high in curve._table().rows}
+        assert set(rows) == {"omega [Hz]", "gap [mm]"}
+        assert rows["omega [Hz]"][1] == pytest.approx(curve.values[:, 0].max() / (2.0 * np.pi))
+        assert rows["gap [mm]"][1] == pytest.approx(1e3 * curve.values[:, 1].max())
+        ax = vi.plotting.boundaries(curve)
+        assert (ax.get_xlabel().endswith("[Hz]"), ax.get_ylabel()) == (True, "gap $g$ [mm]")
+    response = vi.response_curve(design.replace(damping=0.1), gap=of([1.0, 200.0], "cm"), step=0.1)
+    assert vi.plotting.response_curve(response).get_xlabel() == "gap $g$ [cm]"
+    assert response._table().head[2:] == ("from [cm]", "to [cm]")
+    assert response._table().rows[0][2:] == pytest.approx([1.0, 100.0 * response.steady[0][0]])
+    assert "gap from 1 to 200 cm" in response._table().notes[1]
+    found = vi.basins(design, phase=[0.0, 0.5], velocity=of([100.0, 2000.0], "mm/s"))
+    assert vi.plotting.basin_portrait(found).get_ylabel() == "impact velocity $I$ [mm/s]"
+    assert "velocity 100 to 2000 mm/s" in sentences_of(found)[0]
+    with pytest.raises(ValueError, match="contains the orbit's omega = 2.6 rad/s, got .*hertz"):
+        vi.continue_orbit(vi.find_orbit(design)[0], "omega", (of(1.0, "Hz"), of(2.0, "Hz")))
+
+
 def test_curves_lie_on_a_map_whose_axes_are_in_other_units(run):
     run("map --x omega=0.3Hz:0.5Hz:5 --y gap=0:300mm:4 --sample-impacts 50 --out m.zarr")
     curves = vi.boundary_curves(

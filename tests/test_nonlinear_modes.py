@@ -278,7 +278,7 @@ def test_the_energy_is_followed_only_where_it_is_constant():
     (free,) = vi.find_orbit(ONE, energy=0.01)
     with pytest.raises(ValueError, match="`parameter` must be 'energy' for this orbit, got 'omega'"):
         vi.continue_orbit(free, "omega", (1.0, 9.0))
-    with pytest.raises(ValueError, match="one that holds the orbit's energy, 0.01"):
+    with pytest.raises(ValueError, match="one that contains the orbit's energy = 0.01 J"):
         vi.continue_orbit(free, "energy", (0.02, 0.1))
     (forced,) = vi.find_orbit(vi.ImpactOscillator())
     with pytest.raises(

@@ -436,7 +436,7 @@ def test_bad_requests_name_what_is_wrong(default_end):
         vi.continue_boundary(default_end, ("omega", "mass"), ranges, step=0)
     with pytest.raises(ValueError, match="two different parameters"):
         vi.continue_boundary(default_end, ("omega", "omega"), ranges)
-    with pytest.raises(ValueError, match="`range` must be .* holds the orbit's omega"):
+    with pytest.raises(ValueError, match="`range` must be .* contains the orbit's omega"):
         vi.continue_boundary(default_end, ("omega", "mass"), ((0.1, 0.2), (0.5, 2.0)))
     with pytest.raises(ValueError, match="`point` must be .*, got 'no_change'"):
         vi.continue_boundary(vi.end_of_sticking(osc, "omega", (0.1, 0.2)), ("omega", "mass"), ranges)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import json
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -21,7 +20,7 @@ from vibroimpact.model.force import Force
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.stops import Stop
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.model.units import DISPLAY, display
+from vibroimpact.model.units import DISPLAY, display, displayed_text
 from vibroimpact.parameters import Parameter
 from vibroimpact.status import Status
 
@@ -118,9 +117,9 @@ def missing(index: str, shape: int | tuple[int, ...]) -> NDArray[Any]:
     return np.full(shape, EVERY[index].fill, EVERY[index].dtype)
 
 
-def impact_speed(dims: str | Sequence[str], data: Any) -> xr.Variable:
+def impact_speed(dims: str | Sequence[str], data: Any, **attrs: Any) -> xr.Variable:
     """Return impact velocities under the name `velocity`, labelled as speeds just before contact."""
-    return variable("velocity", dims, data, long_name="impact velocity", symbol="I")
+    return variable("velocity", dims, data, long_name="impact velocity", symbol="I", **attrs)
 
 
 def flags(
@@ -363,26 +362,13 @@ def with_display(dataset: xr.Dataset, units: Mapping[str, str]) -> xr.Dataset:
     return dataset
 
 
-_NUMBER = r"-?\d[\d.]*(?:e[-+]?\d+)?"
-
-
 def displayed(dataset: xr.Dataset) -> xr.Dataset:
     """Return a result with parameters, and the messages that contain their values, in the units to show."""
     for key in [str(key) for key, column in dataset.variables.items() if DISPLAY in column.attrs]:
-        own = str(dataset[key].attrs.get("units", ""))
-        factor, labels = display(dataset[key].attrs)
-        unit = labels.get("units", "")
-
-        def converted(found: re.Match[str], name: str = key, factor: float = factor, unit: str = unit) -> str:
-            return name + re.sub(_NUMBER, lambda n: f"{float(n[0]) * factor:.11g}", found[1]) + f" {unit}"
-
-        pattern = rf"\b{re.escape(key)}( (?:=|from) {_NUMBER}(?: to {_NUMBER})?)(?: {re.escape(own)})?(?![\w.])"
-        messages = {
-            name: re.sub(pattern, converted, text)
-            for name, text in dataset.attrs.items()
-            if "message" in str(name) and isinstance(text, str)
-        }
-        dataset = dataset.assign({key: _relabelled(dataset[key], factor, labels)}).assign_attrs(messages)
+        attrs = dataset[key].attrs
+        messages = {name: text for name, text in dataset.attrs.items() if "message" in name and isinstance(text, str)}
+        messages = {name: displayed_text(text, key, attrs) for name, text in messages.items()}
+        dataset = dataset.assign({key: _relabelled(dataset[key], *display(attrs))}).assign_attrs(messages)
     return dataset
 
 

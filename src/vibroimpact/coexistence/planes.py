@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.dataset import impact_speed, variable
+from vibroimpact.dataset import VARIABLES, impact_speed, variable
 from vibroimpact.model import State, check_model, one_start
+from vibroimpact.model.units import DISPLAY
 from vibroimpact.parameters import Parameter, choice, invalid, phase_number, unknown
-from vibroimpact.request import check_axes
+from vibroimpact.request import check_axes, units_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,6 +36,7 @@ class Plane:
     phase: float
     start: State | None = None
     stop: int = 0
+    units: Mapping[str, str] = field(default_factory=dict)  # of axes, to write and draw them in
 
     def cells(self) -> Any:
         """Return one cell per point of the plane, the last axis fastest; refuse points beyond a stop."""
@@ -96,12 +98,13 @@ class Plane:
     def labelled(self, axis: str, dims: Any, values: Floats) -> xr.Variable:
         """Return values along an axis, labelled."""
         kind, _, at = axis.partition("_")
+        shown = {DISPLAY: self.units[axis]} if axis in self.units else {}
         if at:
             symbol = _SIZES[kind].replace("y", f"q_{at}")
-            return variable(kind, dims, values, long_name=f"{kind} of coordinate {at}", symbol=symbol)
+            return variable(kind, dims, values, long_name=f"{kind} of coordinate {at}", symbol=symbol, **shown)
         if self.struck and axis == dims == "velocity":
-            return impact_speed(dims, values)
-        return variable(axis, dims, values)
+            return impact_speed(dims, values, **shown)
+        return variable(axis, dims, values, **shown)
 
 
 def _listed(numbers: Any) -> str:
@@ -128,8 +131,8 @@ def plane_of(model: Any, axes: Mapping[str, Any], stop: str | None, start: State
     if not struck and not states:
         got = ", ".join(f"`{name}`" for name in axes) or "no axis"
         raise ValueError(f"the axes must be {_pairs(n)}, got {got}; name both, such as `phase` and `velocity`")
-    number = _number_of(design.stop_names, stop, struck)
-    return Plane(design, check_axes(spanned, _coordinates(names, struck)), struck, phase, state, number)
+    number, table = _number_of(design.stop_names, stop, struck), _coordinates(names, struck)
+    return Plane(design, check_axes(spanned, table), struck, phase, state, number, units_of(spanned, table))
 
 
 def _pairs(n: int) -> str:
@@ -150,11 +153,13 @@ def _number_of(names: Sequence[str], stop: str | None, struck: bool) -> int:
 
 
 def _coordinates(names: Sequence[str], struck: bool) -> dict[str, Parameter]:
-    velocity = Parameter("velocity", "velocity")
+    units = {kind: VARIABLES[kind][1] for kind in _SIZES}
+    velocity = Parameter("velocity", "velocity", units["velocity"])
     if struck:
-        velocity = Parameter("velocity", "velocity", low=0.0, hint="an impact has velocity > 0, a mass at rest 0")
+        velocity = replace(velocity, low=0.0, hint="an impact has velocity > 0, a mass at rest 0")
     phase = Parameter("phase", "phase", low=0.0, high=1.0, hint="give (t mod T)/T")
-    return {name: Parameter(name, name) for name in names} | {"velocity": velocity, "phase": phase}
+    columns = {name: Parameter(name, name, units[name.partition("_")[0]]) for name in names}
+    return columns | {"velocity": velocity, "phase": phase}
 
 
 def _numbers(start: State, n: int) -> tuple[Floats, Floats, float]:

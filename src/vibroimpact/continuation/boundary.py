@@ -23,6 +23,7 @@ from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking_end import KIND, StickingEnd
 from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
+from vibroimpact.request import units_of
 
 HALVINGS = 20  # of a step, to locate the onset of inadmissible orbits
 WORST = 1e-10  # residual of a point
@@ -66,7 +67,8 @@ def continue_boundary(
     parameters : tuple of two str
         The plane: two different parameters of the orbit's model.
     ranges : tuple of two pairs of float
-        Lowest and highest value of each parameter; the point must lie inside.
+        Lowest and highest value of each parameter; the point must lie inside. Tables and figures show a quantity of
+        pint in its own unit.
     step : float, 1e-6 to 0.5
         Longest step along the curve, relative to a whole range, a driving period, or the orbit's speed; at most 0.02
         along an end of sticking.
@@ -115,7 +117,8 @@ def continue_boundary(
     plane, longest = check_plane(point, parameters, ranges), check_share("step", step)
     virtual = truth("virtual", virtual)
     with reporter(progress, "points") as report:
-        return boundary_through(point, plane, longest, virtual, report)
+        curve = boundary_through(point, plane, longest, virtual, report)
+    return replace(curve, units=shown_units(point.orbit.model, parameters, ranges))
 
 
 def boundary_through(
@@ -172,6 +175,11 @@ def check_box(model: Model, parameters: Any, ranges: Any, orbit: Orbit | None = 
         raise invalid("ranges", ranges, "two pairs", "give ((lowest, highest), (lowest, highest))")
     first, second = (check_range(model, name, span, orbit) for name, span in zip(names, box, strict=True))
     return Plane((names[0], names[1]), (first, second))
+
+
+def shown_units(model: Model, parameters: tuple[str, str], ranges: tuple[Range, Range]) -> dict[str, str]:
+    """Return the units of the checked ranges of a plane, where they were given as quantities in others."""
+    return units_of(dict(zip(parameters, ranges, strict=True)), model.parameters)
 
 
 def _beginning(point: BifurcationPoint, plane: Plane) -> Point:

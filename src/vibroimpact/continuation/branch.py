@@ -23,6 +23,7 @@ from vibroimpact.orbits.resting import resting_orbits
 from vibroimpact.orbits.sticking_end import KIND, ending
 from vibroimpact.parameters import ENERGY, invalid, truth
 from vibroimpact.progress import Report, reporter
+from vibroimpact.request import units_of
 
 ONE_HALF = 1e-6  # largest difference between the halves of a doubled orbit that has merged with the simple one
 CLOSEST = 1 / 16  # of the step: orbits closer than this to the end of a resting branch are not kept
@@ -59,7 +60,8 @@ def continue_orbit(
         family; for a system `omega`, `frequency`, or the gap or restitution of a stop. For an orbit of a system without
         load and loss, from ``find_orbit(energy=...)``, it is "energy" (J).
     range : tuple of two float
-        Its lowest and highest value; the orbit's own value must lie between.
+        Its lowest and highest value; the orbit's own value must lie between. Tables and figures show a quantity of pint
+        in its own unit.
     step : float, 1e-6 to 0.5
         Longest step along the curve, relative to the whole range, a driving period, or the orbit's speed.
     virtual : bool
@@ -156,7 +158,8 @@ def continue_orbit(
     if not (of_energy or changes):
         hint = "free vibration without loss is followed along its energy"
         raise invalid("parameter", parameter, f"{ENERGY.name!r} for this orbit", hint)
-    ends = check_range(orbit.model, parameter, range, orbit, {parameter: ENERGY} if of_energy else None)
+    table = {parameter: ENERGY} if of_energy else orbit.model.parameters
+    ends = check_range(orbit.model, parameter, range, orbit, table)
     longest, virtual = check_share("step", step), truth("virtual", virtual)
     directions: Callable[[float], Iterator[Way]]
     if orbit.sticks:
@@ -181,6 +184,7 @@ def continue_orbit(
         outcome=(down.end, up.end),
         message=message,
         arguments={"range": ends, "step": longest, "virtual": virtual},
+        units=units_of({parameter: range}, table),
     )
 
 

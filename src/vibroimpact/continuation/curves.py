@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vibroimpact.continuation.boundary import NoBoundary, Plane, boundary_through, check_box, check_plane
+from vibroimpact.continuation.boundary import NoBoundary, Plane, boundary_through, check_box, check_plane, shown_units
 from vibroimpact.continuation.coverage import CELLS, Coverage, coverage, distances
 from vibroimpact.continuation.equations import Range
 from vibroimpact.continuation.following import UNKNOWN, check_share
@@ -175,7 +175,8 @@ def boundary_curves(
         if not going():
             raise _Stopped
 
-    search = _Search(curves, plane, longest, look, wanted, attractors=n_periods is None)
+    units = shown_units(osc, parameters, ranges)
+    search = _Search(curves, plane, longest, look, wanted, attractors=n_periods is None, units=units)
     with reporter(progress, "lines") as report, suppress(_Stopped):
         for n, along, value in work:
             line = osc.replace(**{names[1 - along]: value}), names[along], box[along], n
@@ -236,7 +237,8 @@ def curves_through(
         search: _Search | None = None
         for point in points:
             plane = check_plane(point, parameters, ranges)
-            search = search or _Search(curves, plane, longest, look)
+            units = shown_units(point.orbit.model, parameters, ranges)
+            search = search or _Search(curves, plane, longest, look, units=units)
             search.add(point)
     return curves
 
@@ -267,6 +269,7 @@ class _Search:
     look: Report
     kinds: Collection[str] = KINDS
     attractors: bool = False
+    units: dict[str, str] = field(default_factory=dict)
     followed: list[Boundary] = field(default_factory=list)
     map: Coverage | None = None
 
@@ -280,6 +283,7 @@ class _Search:
             if self.attractors and isinstance(point, StickingEnd):
                 longest, most = 2.0 * longest, ENOUGH
             curve = boundary_through(point, self.plane, longest, virtual=False, report=self.look, most=most)
+            curve = replace(curve, units=self.units)
             again = self._on_curve(curve.kind, curve.orbits)
             unstable = np.zeros(len(again), dtype=bool)
             if self.attractors and point.orbit is not None and not point.orbit.sticks:

@@ -15,6 +15,7 @@ import numpy as np
 
 from vibroimpact.continuation.equations import Range
 from vibroimpact.continuation.points import Point
+from vibroimpact.continuation.results import value_text
 from vibroimpact.model import Model
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit, check_pair
@@ -107,9 +108,10 @@ def check_range(
     """Return the ends of a parameter's range, which must include the value of an orbit if there is one."""
     low, high = check_pair(model.parameters if table is None else table, name, "range", ends)
     if not low < high:
-        raise invalid("range", (low, high), "a lower number before a higher one")
+        raise invalid("range", ends, "a lower number before a higher one")
     if orbit and not low <= orbit.value(name) <= high:
-        raise invalid("range", (low, high), f"one that holds the orbit's {name}, {orbit.value(name):.12g}", "widen it")
+        at = value_text(model, name, orbit.value(name))
+        raise invalid("range", ends, f"one that contains the orbit's {at}", "widen it")
     return low, high
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,20 +21,21 @@ from vibroimpact.continuation.results import (
     BifurcationPoint,
     Branch,
     axis,
+    headed,
     kind_variable,
     responses,
     span_text,
-    value_text,
 )
-from vibroimpact.dataset import dataset_of, flags, plain_variable, provenance
+from vibroimpact.dataset import dataset_of, displayed, flags, plain_variable, provenance
 from vibroimpact.indices import DISPLACEMENTS
 from vibroimpact.model import Model, as_system, check_model
 from vibroimpact.model.points import observed
+from vibroimpact.model.units import display
 from vibroimpact.orbits.search import find_orbit
 from vibroimpact.orbits.systems.response import Response, Steady, response_of, steady_motion
 from vibroimpact.parameters import counted, invalid
 from vibroimpact.progress import Report, reporter
-from vibroimpact.request import check_apart
+from vibroimpact.request import check_apart, units_of
 from vibroimpact.showing import Shown, Table
 
 if TYPE_CHECKING:
@@ -65,6 +66,8 @@ class ResponseCurve(Shown):
         The branches of orbits with contact, with their folds and other bifurcations.
     message : str
         What was found, in sentences.
+    units : dict
+        The unit of the parameter in tables and figures, if its range was given as quantities in another one.
     """
 
     parameter: str
@@ -74,26 +77,28 @@ class ResponseCurve(Shown):
     branches: list[Branch]
     message: str
     arguments: dict[str, Any]
+    units: dict[str, str] = field(default_factory=dict)
 
     @cached_property
     def dataset(self) -> xr.Dataset:
         """The curve as a labelled dataset over `point`, its special points over `special`; a line joins each `part`."""
         points = [_Points(at, values, *self._free(values)) for at, values in enumerate(self.steady)]
         points += [self._of_orbits(at, branch) for at, branch in enumerate(self.branches, len(points))]
-        special = self.special
+        special, units = self.special, self.units
         content = responses("point", [row for part in points for row in part.rows])
         content |= {
             "part": plain_variable("point", np.repeat([p.part for p in points], [len(p.rows) for p in points]), PART),
             "impacts": plain_variable("point", np.concatenate([p.impacts for p in points]), IMPACTS),
             "stable": flags("point", np.concatenate([p.stable for p in points]), "whether it is stable", STABLE),
             "special_kind": kind_variable("special", [point.kind for point in special]),
-            "special_value": axis(self.model, self.parameter, "special", [point.value for point in special]),
+            "special_value": axis(self.model, self.parameter, "special", [point.value for point in special], units),
         }
         of_special = responses("special", [response_of(point.orbit, of=self.of) for point in special])
         content |= {f"special_{name}": column for name, column in of_special.items()}
         values = np.concatenate([part.values for part in points])
         attrs = provenance("response_curve", self.model, self.arguments) | {"message": self.message}
-        return dataset_of(content, {self.parameter: axis(self.model, self.parameter, "point", values)}, attrs)
+        along = axis(self.model, self.parameter, "point", values, self.units)
+        return dataset_of(content, {self.parameter: along}, attrs)
 
     def _free(self, values: Floats) -> tuple[list[Response], Floats, Floats]:
         """Return responses, impacts and stability of the motion without contact."""
@@ -113,12 +118,14 @@ class ResponseCurve(Shown):
         return [point for branch in self.branches for point in branch.special]
 
     def _table(self) -> Table:
-        largest = self.dataset["amplitude"].values
+        shown, factor = displayed(self.dataset), display(self.dataset[self.parameter].attrs)[0]
+        largest, along = shown["amplitude"].values, shown[self.parameter]
         at = int(np.nanargmax(largest))
-        where = value_text(self.model, self.parameter, self.dataset[self.parameter].values[at], 6)
-        rows = [(b.orbits[0].name, len(b.orbits), *np.sort(b.values[[0, -1]]).tolist()) for b in self.branches]
-        head = ("orbits with contact", "number", "from", "to")
-        notes = [f"largest amplitude: {largest[at]:.4g} m at {where}", self.message]
+        unit = f" {along.attrs['units']}".removesuffix(" 1")
+        where = f"{self.parameter} = {float(along[at]):.6g}{unit}"
+        rows = [(b.orbits[0].name, len(b.orbits), *np.sort(factor * b.values[[0, -1]]).tolist()) for b in self.branches]
+        head = ("orbits with contact", "number", *(headed(end, along.attrs) for end in ("from", "to")))
+        notes = [f"largest amplitude: {largest[at]:.4g} m at {where}", shown.attrs["message"]]
         return Table(f"response along {self.parameter}", head, rows, notes)
 
 
@@ -153,7 +160,8 @@ def response_curve(
         None shows a passing line where a terminal or a notebook is there, once a second has passed.
         True shows a count; a callable gets (orbits done, None, None) and stops the computation by returning False.
     **axes : tuple of two float
-        One parameter and its lowest and highest value, such as ``omega=(280, 340)``.
+        One parameter and its lowest and highest value, such as ``omega=(280, 340)``. Tables and figures show a quantity
+        of pint in its own unit.
 
     Returns
     -------
@@ -192,6 +200,7 @@ def response_curve(
     form = as_system(model.at()).modal()
     if not (form.forces.any() or form.motions.any()):
         raise ValueError("the model has no periodic load and no moving stop; a response curve needs one")
+    units = units_of({parameter: ends}, model.parameters) if parameter in model.parameters else {}
     ends, longest = check_range(model, parameter, ends, None), check_share("step", step)
     observed(as_system(model.at()), of)
     values = _grid(model, parameter, ends, longest)
@@ -210,7 +219,8 @@ def response_curve(
         f"{span_text(model, parameter, ends)}"
     )
     arguments = {"range": ends, "of": of if isinstance(of, str | int | None) else list(of), "step": longest}
-    return ResponseCurve(parameter, of, model, free, branches, message, arguments)
+    branches = [replace(branch, units=units) for branch in branches]
+    return ResponseCurve(parameter, of, model, free, branches, message, arguments, units)
 
 
 def _steady(model: Model, parameter: str, value: float) -> Steady | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ from vibroimpact.dataset import (
 )
 from vibroimpact.indices import DISPLACEMENTS, EVERY
 from vibroimpact.model import Model
+from vibroimpact.model.units import DISPLAY, display, displayed_text
 from vibroimpact.orbits.labelled import number, orbit_variables
 from vibroimpact.orbits.orbit import SPLIT
 from vibroimpact.orbits.systems.response import Response, response_of
@@ -107,6 +108,8 @@ class Branch(Shown):
         "pitchfork", "closed", "impacts_merge", "end_of_sticking", "fold", "lost", "budget" or "stopped".
     message : str
         The outcome in sentences.
+    units : dict
+        The unit of the parameter in tables and figures, if its range was given as quantities in another one.
     """
 
     parameter: str
@@ -115,6 +118,7 @@ class Branch(Shown):
     outcome: tuple[str, str]
     message: str
     arguments: dict[str, Any] = field(default_factory=dict, repr=False)
+    units: dict[str, str] = field(default_factory=dict, repr=False)
 
     @property
     def values(self) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -127,28 +131,30 @@ class Branch(Shown):
         return np.array([orbit.frequency for orbit in self.orbits])
 
     def _table(self) -> Table:
+        attrs = axis_labels(self.orbits[0].model, self.parameter, self.units)
+        factor, shown = display(attrs)
         rows = [
-            (bifurcation_name(point.kind), point.value, max(point.orbit.velocities, default=0.0))
+            (bifurcation_name(point.kind), factor * point.value, max(point.orbit.velocities, default=0.0))
             for point in self.special
         ]
         return Table(
             f"{self.orbits[0].name} along {self.parameter}: {counted(len(self.orbits), 'orbit')}",
-            ("bifurcation", _with_unit(self.orbits[0].model, self.parameter), "hardest impact [m/s]"),
+            ("bifurcation", headed(self.parameter, shown), "hardest impact [m/s]"),
             rows,
-            [self.message],
+            [displayed_text(self.message, self.parameter, attrs)],
         )
 
     @property
     def dataset(self) -> xr.Dataset:
         """The branch as a labelled dataset over `point`, its special points over `special`."""
-        p, model = max(len(orbit.velocities) for orbit in self.orbits), self.orbits[0].model
+        p, model, units = max(len(orbit.velocities) for orbit in self.orbits), self.orbits[0].model, self.units
         several = zip_longest(*(orbit.multipliers for orbit in self.orbits), fillvalue=math.nan)
         multipliers = np.array(list(several)).T  # a centre that drag brakes has one more than a free one
         content = orbit_variables(self.orbits, p, "point") | {
             "multiplier_real": number(("point", "multiplier"), multipliers.real, "real part of multiplier"),
             "multiplier_imag": number(("point", "multiplier"), multipliers.imag, "imaginary part of multiplier"),
             "special_kind": kind_variable("special", [point.kind for point in self.special]),
-            "special_value": axis(model, self.parameter, "special", [point.value for point in self.special]),
+            "special_value": axis(model, self.parameter, "special", [point.value for point in self.special], units),
             "special_residual": number("special", [point.residual for point in self.special], MISS),
             "special_touch_phase": variable("phase", "special", np.array([q.touch_phase for q in self.special])),
         }
@@ -193,7 +199,7 @@ class Branch(Shown):
         '0.33 to 0.50 m'
         """
         content = responses("point", [response_of(orbit, of=of) for orbit in self.orbits])
-        values = axis(self.orbits[0].model, self.parameter, "point", self.values)
+        values = axis(self.orbits[0].model, self.parameter, "point", self.values, self.units)
         return dataset_of(content, {self.parameter: values})
 
 
@@ -228,6 +234,8 @@ class Boundary(Shown):
         The outcome in sentences.
     touched : str
         For grazes of systems: name of the stop that is touched; else empty.
+    units : dict
+        Units of the parameters in tables and figures, by name, if their ranges were given as quantities in others.
     """
 
     kind: str
@@ -239,6 +247,7 @@ class Boundary(Shown):
     message: str
     arguments: dict[str, Any] = field(default_factory=dict, repr=False)
     touched: str = ""
+    units: dict[str, str] = field(default_factory=dict, repr=False)
 
     @property
     def values(self) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -246,14 +255,21 @@ class Boundary(Shown):
         return np.array([[orbit.value(name) for name in self.parameters] for orbit in self.orbits])
 
     def _table(self) -> Table:
-        first = self.orbits[0]
-        lows, highs = (np.nanmin(self.values, axis=0).tolist(), np.nanmax(self.values, axis=0).tolist())
-        names = [_with_unit(first.model, name) for name in self.parameters]
+        first, message = self.orbits[0], self.message
+        heads, factors = [], []
+        for name in self.parameters:
+            attrs = axis_labels(first.model, name, self.units)
+            factor, shown = display(attrs)
+            heads.append(headed(name, shown))
+            factors.append(factor)
+            message = displayed_text(message, name, attrs)
+        values = self.values * factors
+        lows, highs = np.nanmin(values, axis=0).tolist(), np.nanmax(values, axis=0).tolist()
         return Table(
             f"{bifurcation_name(self.kind)} of {first.name}: {counted(len(self.orbits), 'point')}",
             ("parameter", "smallest", "largest"),
-            list(zip(names, lows, highs, strict=True)),
-            [self.message],
+            list(zip(heads, lows, highs, strict=True)),
+            [message],
         )
 
     @property
@@ -281,7 +297,8 @@ def _along(
     ends = {"outcome": " ".join(curve.outcome), "message": curve.message}
     struck = {} if first.oscillator.forgets else {"stops": " ".join(first.stops)}
     attrs = provenance(call, first.model, arguments | name | curve.arguments) | name | struck | ends
-    return dataset_of(content, {key: axis(first.model, key, "point", values[key]) for key in values}, attrs)
+    coords = {key: axis(first.model, key, "point", column, curve.units) for key, column in values.items()}
+    return dataset_of(content, coords, attrs)
 
 
 def kinds_of(model: Model) -> tuple[str, ...]:
@@ -314,15 +331,19 @@ def span_text(model: Model, name: str, ends: tuple[float, float]) -> str:
     return f"{name} from {ends[0]:.12g} to {ends[1]:.12g} {unit}".removesuffix(" 1").rstrip()
 
 
-def _with_unit(model: Model, name: str) -> str:
-    """Return a parameter with its unit."""
-    unit = parameter_of(model, name).unit
-    return name if unit in ("", "1") else f"{name} [{unit}]"
+def headed(name: str, attrs: Mapping[str, str]) -> str:
+    """Return the heading of a column: a name with the unit among its labels."""
+    return name if attrs["units"] in ("", "1") else f"{name} [{attrs['units']}]"
 
 
-def axis(model: Model, name: str, dims: Any, values: Any) -> xr.Variable:
+def axis_labels(model: Model, name: str, units: Mapping[str, str]) -> dict[str, str]:
+    """Return the labels of a parameter of a model, with the unit in which it is shown if that is another."""
+    return label(parameter_of(model, name)) | ({DISPLAY: units[name]} if name in units else {})
+
+
+def axis(model: Model, name: str, dims: Any, values: Any, units: Mapping[str, str]) -> xr.Variable:
     """Return values of a parameter of a model, labelled."""
-    return plain_variable(dims, np.asarray(values, dtype=np.float64), label(parameter_of(model, name)))
+    return plain_variable(dims, np.asarray(values, dtype=np.float64), axis_labels(model, name, units))
 
 
 def kind_variable(dims: Any, kinds: Any) -> xr.Variable:

@@ -22,6 +22,7 @@ _WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*((?![
 _POWER = re.compile(r"(?<=m|s)(?=\d)")  # N/m2 is N/m^2
 _RATE = re.compile(r"^1/(min|s)$")  # of a machine: turns, as rpm and Hz count them
 _ANGLE = re.compile(r"rad|deg|°")  # in a unit of angular frequency; all others count turns
+_NUMBER = r"-?\d[\d.]*(?:e[-+]?\d+)?"
 
 
 def without_unit(parameter: Parameter, value: Any) -> Any:
@@ -202,6 +203,18 @@ def display(attrs: Mapping[str, Any]) -> tuple[float, dict[str, Any]]:
         labels["long_name"] = str(labels.get("long_name", "")).removeprefix("angular ")
         labels["symbol"] = f"{symbol}/2pi" if (symbol := labels.get("symbol")) else ""
     return factor, labels | {"units": unit}
+
+
+def displayed_text(text: str, name: str, attrs: Mapping[str, Any]) -> str:
+    """Return a message with the values of a parameter, which has these labels, in the unit to show."""
+    own, (factor, labels) = str(attrs.get("units", "")), display(attrs)
+    unit = labels.get("units", "")
+
+    def converted(found: re.Match[str]) -> str:
+        return name + re.sub(_NUMBER, lambda n: f"{float(n[0]) * factor:.11g}", found[1]) + f" {unit}"
+
+    pattern = rf"\b{re.escape(name)}( (?:=|from) {_NUMBER}(?: to {_NUMBER})?)(?: {re.escape(own)})?(?![\w.])"
+    return re.sub(pattern, converted, text) if DISPLAY in attrs else text
 
 
 def _converted(number: float, given: str, wanted: str) -> float:

@@ -261,6 +261,7 @@ def _response(dataset: xr.Dataset) -> Iterator[str]:
 
 
 def _basins(dataset: xr.Dataset) -> Iterator[str]:
+    dataset = displayed(dataset)
     field = dataset["attractor"]
     axes = [str(dim) for dim in field.dims]
     shape = " x ".join(str(dataset.sizes[axis]) for axis in axes)
