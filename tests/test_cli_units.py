@@ -335,6 +335,21 @@ def test_quantities_of_pint_as_ranges_are_the_units_of_tables_and_figures(tmp_pa
         vi.continue_orbit(vi.find_orbit(design)[0], "omega", (of(1.0, "Hz"), of(2.0, "Hz")))
 
 
+def test_info_lists_fixed_parameters_with_their_units(run, tmp_path):
+    short = "--sample-impacts 50 --out"
+    run(f"map -p gap=0.5mm -p damping_ratio=2% --x omega=2:3:3 {short} one.zarr")
+    fixed = run("info one.zarr")[1][1]
+    assert "mass 1 kg, damping 0.04 N s/m, stiffness 1 N/m, amplitude 1 N, restitution 0.8, gap 0.0005 m" in fixed
+    run(f"map --model impact_damper --x frequency=25:30:3 {short} damper.zarr")
+    assert re.search(r"clearance [\d.e-]+ m\b", run("info damper.zarr")[1][1])
+    slot = [vi.Stop(direction=side, gap=0.2, stiffness=50.0, name=name) for side, name in ((1, "up"), (-1, "down"))]
+    load = vi.Force(omega=2.0, harmonics={1: 1.0})
+    model = vi.ImpactSystem(mass=1.0, damping=0.1, stiffness=1.0, force=load, stops=slot)
+    vi.parameter_map(model, up_gap=[0.1, 0.2], sample_impacts=20, store=tmp_path / "slot.zarr")
+    fixed = run("info slot.zarr")[1][1]
+    assert "omega 2 rad/s, up_stiffness 50 N/m, up_damping 0 N s/m, down_gap 0.2 m" in fixed
+
+
 def test_curves_lie_on_a_map_whose_axes_are_in_other_units(run):
     run("map --x omega=0.3Hz:0.5Hz:5 --y gap=0:300mm:4 --sample-impacts 50 --out m.zarr")
     curves = vi.boundary_curves(

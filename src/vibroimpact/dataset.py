@@ -159,7 +159,10 @@ def provenance(function: str, model: Model, arguments: Mapping[str, Any]) -> dic
     describes the initial conditions in words.
     """
     design = model.at()
-    family = {} if model is design else {"model": json.dumps({"family": str(model), **model.values})}
+    family = {}
+    if model is not design:
+        units = {name: entry.unit for name, entry in model.parameters.items()}
+        family = {"model": json.dumps({"family": str(model), **model.values}), "model_units": json.dumps(units)}
     attrs = {
         "source": f"vibroimpact {package_version()}",
         "function": function,
@@ -203,6 +206,13 @@ def model_of(dataset: xr.Dataset) -> ImpactOscillator | ImpactSystem:
     if ("stops" in plain) != (name == "system"):
         raise ValueError("an oscillator has no `stops`, a system has some")
     return model_from(plain)
+
+
+def units_of_model(dataset: xr.Dataset) -> dict[str, str]:
+    """Return the units of the parameters of a result's model by name; those of a family are in the file, if at all."""
+    if "model" in dataset.attrs:
+        return dict(json.loads(dataset.attrs.get("model_units", "{}")))
+    return {name: entry.unit for name, entry in model_of(dataset).parameters.items()}
 
 
 def model_from(plain: dict[str, Any]) -> ImpactOscillator | ImpactSystem:
@@ -255,7 +265,7 @@ ENDS = ("outcome", "message", "arguments", "stops", "touched")
 # Attributes that are read back: text, or the type that their JSON encodes.
 _ENCODED: dict[Any, type] = {
     **dict.fromkeys(("function", "initial_condition", "filled_in", "message"), str),
-    **dict.fromkeys(("oscillator", "system", "arguments", "model"), dict),
+    **dict.fromkeys(("oscillator", "system", "arguments", "model", "model_units"), dict),
     **dict.fromkeys(("messages", "variable_order"), list),
     **{f"{name}_{end}": list for name in _BUNDLES.values() for end in ENDS},
 }

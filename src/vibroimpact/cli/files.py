@@ -274,17 +274,23 @@ def state_of(out: Path, seconds: float) -> str:
 def sentences_of_store(path: Path) -> Iterator[str]:
     """Yield the description, progress and results of a stored map, and how to continue it."""
     with refusing(*REFUSALS, OSError):
+        from vibroimpact.dataset import units_of_model
         from vibroimpact.execution.store import SweepStore
+        from vibroimpact.report import quantity
         from vibroimpact.request import unmarked
 
         store = SweepStore(path)
     identity = dict(store.identity)
     axes = [unmarked(name, str(identity.pop(name))) for name in list(identity) if name.startswith("axis ")]
+    units: dict[str, str] = {}
     with suppress(OSError):
-        axes = _with_units(axes, store)
+        dataset = store.dataset()
+        axes, units = _with_units(axes, dataset), units_of_model(dataset)
     kind = "refined map" if "refine" in identity else "parameter map"
     yield f"{path}: {kind} of {identity.pop('indices')} over {' and '.join(axes)}"
-    yield "  " + ", ".join(f"{name} {value}" for name, value in identity.items() if value is not None)
+    given = {name: value for name, value in identity.items() if value is not None}
+    shown = {name: quantity(value, units[name]) if name in units else value for name, value in given.items()}
+    yield "  " + ", ".join(f"{name} {value}" for name, value in shown.items())
     yield from _progress(store)
     faults = store.faults()
     if store.is_complete() and not faults:
@@ -301,12 +307,12 @@ def sentences_of_store(path: Path) -> Iterator[str]:
         yield f"continue with: {_command_of(store) or 'the same parameter_map(..., store=...) call'}"
 
 
-def _with_units(axes: list[str], store: SweepStore) -> list[str]:
+def _with_units(axes: list[str], dataset: xr.Dataset) -> list[str]:
     """Return the axes of a store in the units in which they were given."""
     from vibroimpact.dataset import displayed
     from vibroimpact.report.quantities import span
 
-    dataset = displayed(store.dataset())
+    dataset = displayed(dataset)
     return [f"{name} {span(dataset[name])} in {dataset[name].size}" for name in (axis.split()[0] for axis in axes)]
 
 
