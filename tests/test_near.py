@@ -7,7 +7,7 @@ import pytest
 
 import vibroimpact as vi
 from systems import a_random_machine, on_springs, sticking, two_sided
-from vibroimpact.orbits import orbit_distance
+from vibroimpact.orbits import orbit_distance, same_orbit
 
 CHAOS = vi.ImpactOscillator(omega=2.8)
 RESTING = vi.ImpactOscillator(omega=0.1)
@@ -169,3 +169,24 @@ def test_accelerations_of_an_orbit_that_rests_are_the_slopes_of_its_velocities(m
     assert inside.any()
     if np.size(model.rest.displacement) == 1:
         assert np.abs(acceleration[inside]).max() < 1e-12
+
+
+def test_the_orbit_of_a_stiff_beam_is_found_before_its_motion_has_settled():
+    """Its fastest mode is 2000 times as fast as the drive; 1e-10 of the transient would last for 3000 periods."""
+    beam = vi.models.fe_beam(
+        length=0.7, elements=4, supports={0.0: "clamp"}, rigidity=12487.5, mass_per_length=7.047, rayleigh=(3.0, 1e-5),
+        points={"spring": 0.3, "tip": 0.7}, force=vi.Force(frequency=48.5, harmonics={1: {"tip": 20.0}}),
+        stops=[vi.Stop(direction={"spring": 1.0}, gap=1e-3, stiffness=1.3e6, name="spring")],
+    )  # fmt: skip
+    (known,) = (orbit for orbit in vi.find_orbit(beam) if orbit.stable)
+    (found,) = vi.find_orbit(beam, near=beam.rest)
+    assert same_orbit(found, known)
+    orbits = vi.find_orbit(beam, near=vi.simulate(beam, periods=100))
+    assert re.fullmatch(
+        "the motion from `near` settles to this period-1 impact-1 orbit: after 242 impacts its distance from it is "
+        r"[\de.-]+", orbits.message,
+    )  # fmt: skip
+    assert same_orbit(orbits[0], known)
+    again = vi.find_orbit(beam, near=known.start)
+    assert same_orbit(again[0], known)
+    assert again.message == "1 period-1 impact-1 orbit"

@@ -108,7 +108,7 @@ def _of_one_kind(designs: Iterable[Any], kind: str) -> Iterator[Any]:
     """Yield designs; raise if they are of two kinds, which no table holds together."""
     for design in designs:
         if design.kind != kind:
-            raise ValueError("a family must return either oscillators or systems, but this one returns both")
+            raise ValueError("a `family` must return either oscillators or systems, but this one returns both")
         yield design
 
 

@@ -45,7 +45,9 @@ def numbers(name: str, value: Any, dims: int, kind: type = np.float64) -> NDArra
         array = np.array(entries, dtype=kind, ndmin=dims)
     except (TypeError, ValueError, OverflowError):
         raise invalid(name, value, what, "give rows of equal length, without text") from None
-    if entries.ndim not in (0, dims) or not array.size:
+    if not array.size:
+        raise ValueError(f"`{name}` must be {what}, got an empty one")
+    if entries.ndim not in (0, dims):
         raise ValueError(f"`{name}` must be {what}, got an array of shape {entries.shape}")
     size = np.maximum(np.abs(array.real), np.abs(array.imag))
     if not (size <= 1.0 / SMALLEST).all():

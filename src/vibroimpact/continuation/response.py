@@ -199,7 +199,8 @@ def response_curve(
     check_apart(axes, DISPLACEMENTS)
     form = as_system(model.at()).modal()
     if not (form.forces.any() or form.motions.any()):
-        raise ValueError("the model has no periodic load and no moving stop; a response curve needs one")
+        free = "" if model.at().energy_changes else "; follow a free vibration with continue_orbit along its energy"
+        raise ValueError(f"`model` has no periodic load and no moving stop, and a response curve needs one{free}")
     units = units_of({parameter: ends}, model.parameters) if parameter in model.parameters else {}
     ends, longest = check_range(model, parameter, ends, None), check_share("step", step)
     observed(as_system(model.at()), of)
@@ -211,8 +212,8 @@ def response_curve(
         raise ValueError("stopped by `progress` before a motion was found")
     if not (free or branches):
         raise ValueError(
-            f"no periodic motion was found along {span_text(model, parameter, ends)}, neither without contact nor with "
-            "one impact per period; a bifurcation_diagram shows what the system does"
+            f"no periodic motion was found along `{parameter}`, {span_text(model, parameter, ends)}, neither without "
+            "contact nor with one impact per period; a bifurcation_diagram shows what the system does"
         )
     message = (
         f"{counted(len(free), 'part')} without contact and {counted(len(branches), 'part')} with contact, along "

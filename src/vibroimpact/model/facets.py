@@ -48,7 +48,7 @@ def round_obstacle(
     Raises
     ------
     ValueError
-        A number is out of range, or x and y are not both sequences or both mappings.
+        A number is out of range, or x and y are not both sequences of one length or both mappings, or are parallel.
 
     Notes
     -----
@@ -74,6 +74,11 @@ def round_obstacle(
     along, across = vector("x", x), vector("y", y)
     if isinstance(along, Mapping) != isinstance(across, Mapping):
         raise ValueError("`x` and `y` must be both sequences of numbers, or both mappings from names of points")
+    if not isinstance(along, Mapping):
+        if len(along) != len(across):
+            raise ValueError(f"`x` and `y` must have the same length, got {len(along)} and {len(across)} numbers")
+        if np.linalg.matrix_rank([along, across]) < 2:
+            raise ValueError("`x` and `y` must be two different directions, not zero; got two that are parallel")
     angles = real_number("first_at", first_at) + 360.0 * np.arange(n) / n
     return [
         Stop(

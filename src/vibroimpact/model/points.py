@@ -83,11 +83,12 @@ def observed(system: Any, of: Any) -> tuple[NDArray[np.float64], int | None]:
     only coordinate or point.
     """
     n, points, stops = system.coordinates, system.points, system.stop_names
-    names = [*points, *stops]
+    names = list(dict.fromkeys([*points, *stops]))
+    numbers_of = f"the number of a coordinate, 0 to {n - 1}" if n > 1 else "0, its only coordinate"
     if of is None and 1 in (n, len(points)):
         of = 0 if n == 1 else next(iter(points))
     if of is None:
-        raise invalid("of", of, f"one of {', '.join(names)}, or the number of a coordinate, 0 to {n - 1}")
+        raise ValueError(f"`of` must say what is observed: {', '.join(names)}, or {numbers_of}")
     if isinstance(of, str):
         if of not in names:
             raise unknown("point or stop", of, names)
@@ -99,7 +100,9 @@ def observed(system: Any, of: Any) -> tuple[NDArray[np.float64], int | None]:
         row = numbers("of", of, 1)
         check_length("of", row, n)
         return row, None
-    return np.eye(n)[whole_number("of", of, 0, most=n - 1)], None
+    if (at := whole_number("of", of, 0)) >= n:
+        raise invalid("of", of, f"one of {', '.join(names)}, or {numbers_of}")
+    return np.eye(n)[at], None
 
 
 class NamedPoints:

@@ -373,7 +373,7 @@ class ImpactSystem(NamedPoints, ByValue):
             bars = self._bars
             q = nearest(self.mass, self._directions[bars], self._bounds(0.0)[bars])
             if q is None:
-                raise ValueError("the stops leave no room at time 0; give an initial condition at another time")
+                raise ValueError("`stops` leave no room at time 0; give an initial condition at another time")
             return q, np.zeros(n), 0.0
         if not isinstance(start, State):
             raise invalid(argument, start, "None or a State", "write State(displacement=[...], velocity=[...])")

@@ -23,7 +23,7 @@ from vibroimpact.motion import NAMING, Motion, MotionClass, decide, may_wind
 from vibroimpact.orbits import one_mass
 from vibroimpact.orbits.distance import Impacts, orbit_distance, points_of
 from vibroimpact.orbits.equations import Cycle
-from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits
+from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits, ordered
 from vibroimpact.parameters import counted
 from vibroimpact.status import Status
 
@@ -31,6 +31,8 @@ WATCHED = ImpactWindow((1 << 14) - 1, 1 << 14)  # as `attractors` watches system
 ON = 1e-4  # `orbit_distance` of a motion from an orbit that it is on
 CLOSE = 0.05  # the same from an orbit that it is near
 ALIKE = 1e-6  # of the same: parts of one settled cycle
+APPROACH = 0, 48, 192, 768  # impacts after which the motion of a system is compared with a stable orbit, one by one
+SETTLED = 1e-3  # `orbit_distance` from a stable orbit at which a motion counts as settling to it
 RETURN = 0.02  # of phases as points of the unit circle, and of the hardest impact: returns that are tried
 LONGEST = 64  # impacts of the longest cycle found from its first return, as attractors of systems are solved for
 PASSING = 8  # the same where a chaotic motion passes by
@@ -138,6 +140,9 @@ def orbit_near(model: Model, state: State) -> Orbits[Any]:
     """Return the orbit that the motion from a state is on, settles to or comes closest to; the message says which."""
     design = model.at()
     cell = design.cells({}, state)
+    approached = Orbits[Any]() if design.forgets else _approached(model, design, cell)
+    if approached:
+        return _nearest(model, _Hits(design, cell, 0, 2 * PASSING + 1), approached, PASSING)[0]
     outcome = get_backend("cpu").indices(cell, Measurement(WATCHED, indices=NAMING))
     growth, n, p = (float(outcome[name][0]) for name in NAMING)
     status, impacts = Status(int(outcome["status"][0])), int(outcome["impacts"][0])
@@ -149,18 +154,49 @@ def orbit_near(model: Model, state: State) -> Orbits[Any]:
     first, settled = _Hits(design, cell, 0, 2 * LONGEST + 1), Orbits[Any]()
     if n:
         settled = _settled(model, _Hits(design, cell, impacts, max(int(p), 1) + 1), int(n), int(p))
-        if settled and _distance(settled[0], first) <= ON:
-            return settled
-    nearest = min(CLOSE, *(_distance(orbit, first) for orbit in settled), math.inf)
-    for back in first.returns(1, LONGEST):
-        found = _solved(model, first, back)
-        if found and _distance(found[0], first) < nearest:
-            return found
-    if n:
         if settled:
             settled.message = f"the motion from `near` settles to this {settled[0].name} orbit within {impacts} impacts"
-        return settled
+    found, near = _nearest(model, first, settled, LONGEST)
+    if n or near:
+        return found
     return _passed(model, _Hits(design, cell, SEEN, SEEN), Motion(kind.word, status=status))
+
+
+def _nearest(model: Model, first: _Hits, settled: Orbits[Any], longest: int) -> tuple[Orbits[Any], bool]:
+    """Return the orbit that the first impacts are on or near, if there is one, and True; else the settled one."""
+    if settled and _distance(settled[0], first) <= ON:
+        return ordered(settled), True
+    nearest = min(CLOSE, *(_distance(orbit, first) for orbit in settled), math.inf)
+    for back in first.returns(1, longest):
+        found = _solved(model, first, back)
+        if found and _distance(found[0], first) < nearest:
+            return found, True
+    return settled, False
+
+
+def _approached(model: Model, design: Any, cell: Any) -> Orbits[Any]:
+    """Return the stable orbit that a motion is close to after some impacts; empty if there is none.
+
+    Until its cycle is certain, a stiff system may take millions of steps more.
+    """
+    skipped = 0
+    for further in APPROACH:
+        if further:
+            window = ImpactWindow(further, 1)
+            samples: Any
+            (samples,) = get_backend("cpu").samples(cell, Measurement(window))
+            if len(samples.impact_phase) < 1:
+                break
+            cell = cell.carried(samples.last_displacement, samples.last_velocity, samples.last_phase)
+            skipped += further + 1
+        hits = _Hits(design, cell, 0, 2 * PASSING + 1)
+        for back in hits.returns(1, PASSING):
+            found = _solved(model, hits, back)
+            if found and found[0].stable and (distance := _distance(found[0], hits, back.at)) <= SETTLED:
+                what = f"the motion from `near` settles to this {found[0].name} orbit"
+                found.message = f"{what}: after {skipped} impacts its distance from it is {distance:.1g}"
+                return found
+    return Orbits[Any]()
 
 
 def _settled(model: Model, hits: _Hits, n: int, p: int) -> Orbits[Any]:

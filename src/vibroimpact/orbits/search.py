@@ -109,10 +109,11 @@ def find_orbit(
     period of a mass on the stop's spring; a state is a better guess.
 
     With `near` alone, the motion is followed until its cycle is certain, for 32,767 impacts at most, and the cycle is
-    solved for. If the state is not on that cycle, Newton's method also starts from the first returns of up to 64
-    impacts; an orbit within 0.05 (`orbit_distance`), stable or not, is preferred to the one where the motion settles.
-    For motions that do not repeat, the closest returns of up to 8 impacts are tried: the orbit found is near, but
-    another one may be nearer.
+    solved for. The motion of a system is compared with stable orbits at first, and after 49, 242 and 1011 impacts:
+    within 1e-3 (`orbit_distance`) of one, it counts as settling to it. If the state is not on that cycle, Newton's
+    method also starts from the first returns of up to 64 impacts; an orbit within 0.05 (`orbit_distance`), stable or
+    not, is preferred to the one where the motion settles. For motions that do not repeat, the closest returns of up to
+    8 impacts are tried: the orbit found is near, but another one may be nearer.
 
     With `energy`, the family of a mode is followed from its first contact, where the mode touches a stop, through its
     folds (pseudo-arclength), until it has that energy [4]_ [5]_. Above the energy of the first contact the list holds

@@ -57,14 +57,16 @@ def find_of_energy(design: Any, energy: Any, mode: Any) -> Orbits[SystemOrbit]:
     joules = real_number("energy", energy, "a number > 0, in J")
     if joules <= 0.0:
         raise invalid("energy", energy, "a number > 0, in J")
-    at = whole_number("mode", 1 if mode is None else mode, 1, system.coordinates) - 1
+    at = whole_number("mode", 1 if mode is None else mode, 1) - 1
+    if at >= system.coordinates:
+        raise invalid("mode", mode, f"at most {system.coordinates}, the number of modes")
     rate = float(system.natural_frequencies[at])
     if rate == 0.0:
         raise invalid("mode", at + 1, "the number of a mode with a frequency", "this one is a rigid-body mode")
     linear = f"mode {at + 1} is linear, with {hertz(rate):.7g} Hz"
     flow = Flow(system.replace(omega=rate))
     for stop in np.flatnonzero(flow.bounds[:, 0] <= 0.0).tolist():
-        raise ValueError(f"the gap of {system.stop_names[stop]!r} must be > 0 for an orbit of a given energy")
+        raise ValueError(f"the `gap` of {system.stop_names[stop]!r} must be > 0 for an orbit of a given energy")
     amplitude, _ = first_contact(flow, at)
     if math.isinf(amplitude):
         raise ValueError(f"{linear} at every energy, since it moves no stop's clearance; choose another `mode`")
