@@ -297,6 +297,14 @@ def test_a_preloaded_system_without_a_load_settles():
     assert moved["displacement"].values[-1] == pytest.approx(-0.2)
 
 
+@pytest.mark.parametrize("omega", np.random.default_rng(5).uniform(0.3, 30.0, 40).tolist())
+def test_a_motion_under_pieces_is_sampled_up_to_their_end(omega):
+    """Times counted in driving periods must not round beyond it."""
+    osc = vi.ImpactOscillator(omega=omega, gap=0.5)
+    motion = vi.simulate(osc, pieces=[(0.004, vi.Force(constant=50.0)), (0.1, None)], samples_per_period=20)
+    assert motion["time"].values[[0, -1]] == pytest.approx([0.0, 0.104], rel=1e-12)
+
+
 def test_no_status_counts_periods_where_there_are_none():
     """Few impacts are a short window only for what is driven, and impacts per period have no value."""
     slot = [vi.Stop(direction=side, gap=1.0, restitution=1.0) for side in (1.0, -1.0)]

@@ -109,7 +109,7 @@ def simulate(
 
     Impulses of rests and of divided contacts are integrated to 1e-10 from exact states. For these and for the times of
     contacts, systems of several coordinates or with compliant stops are followed again, which takes some 0.1 ms per
-    contact. What a divided contact comes to is NaN if it lasts longer than 20,000 rad of the fastest rate.
+    contact. The numbers of a divided contact are NaN if it lasts longer than 20,000 rad of the fastest rate.
 
     References
     ----------
@@ -164,7 +164,8 @@ def simulate(
         window, how = _over_seconds(length, run, **how), {"duration": length, **how}
     if loads is not None:
         attrs = run.provenance("simulate", **how, pieces=loads.plain())
-        variables = loads.follow(run, _seconds_of(window, run) if times is None else seconds)
+        looks = np.minimum(_seconds_of(window, run), loads.ends[-1]) if times is None else seconds  # rounded up else
+        variables = loads.follow(run, looks)
     else:
         samples, attrs = run.samples(window), run.provenance("simulate", **how)
         variables = trajectory_of(samples, design)
