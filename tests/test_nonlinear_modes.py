@@ -296,3 +296,11 @@ def test_a_verdict_calls_motions_without_load_and_loss_one_of_a_continuum_and_no
     )
     assert "undecided" not in words
     assert vi.attractors(design) == []
+
+
+@pytest.mark.parametrize("energy", [2.0, 3.0, 10.0, 40.0])
+def test_the_exponent_of_a_free_vibration_is_zero_and_not_rounding(energy):
+    for mode in (1, 2):
+        for orbit in vi.find_orbit(TWO, energy=energy, mode=mode):
+            assert max(map(abs, orbit.multipliers)) == pytest.approx(1.0, abs=1e-9)
+            assert orbit.lyapunov == 0.0

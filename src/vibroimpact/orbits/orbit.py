@@ -204,7 +204,12 @@ class Orbit(Shown):
 
     @property
     def lyapunov(self) -> float:
-        """Largest exponent in 1/s: ln of the spectral radius per time of the cycle; -inf if the radius is 0."""
+        """Largest exponent in 1/s: ln of the spectral radius per time of the cycle; -inf if the radius is 0.
+
+        Without load and loss it is 0 where all multipliers are on the unit circle, to 1e-6.
+        """
+        if not self.oscillator.energy_changes and self.spectral_radius <= 1.0 + SPLIT:
+            return 0.0
         return math.log(self.spectral_radius) / self.period if self.spectral_radius > 0.0 else -math.inf
 
     @property
