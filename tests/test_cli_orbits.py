@@ -413,3 +413,15 @@ def test_attractors_as_json_are_those_of_the_function(run):
 def test_attractors_without_a_stop_are_refused(refused, tmp_path):
     (tmp_path / "free.py").write_text("import vibroimpact as vi\nfree = vi.ImpactSystem(mass=1.0, stiffness=1.0)\n")
     assert "must have a stop" in refused("attractors --model free.py:free")
+
+
+def test_a_response_curve_without_a_load_is_a_wrong_request_and_one_without_motions_an_answer(run, tmp_path):
+    code, _, notes = run("response -p amplitude=0 --x omega=1:2")
+    assert code == 2
+    assert notes[-1].startswith("vibroimpact: `model` has no periodic load and no moving stop, and a response curve")
+    empty = "response -p gap=-50 --x omega=0.05:0.06 --step 0.2"
+    code, lines, _ = run(empty)
+    assert (code, lines[-1][:49]) == (0, "no periodic motion was found along omega from 0.0")
+    code, _, notes = run(f"{empty} --out curve.nc")
+    assert (code, notes[-1][-21:]) == (1, "; nothing was written")
+    assert not list(tmp_path.glob("*.nc"))

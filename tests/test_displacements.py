@@ -224,10 +224,13 @@ def test_what_they_are_of_is_said_and_asked_for():
     assert "name it by `of`" in every["amplitude"].attrs["no_value"]
     assert "compliant" in every[OF_FORCE].attrs["no_value"]
     for how, said in (
-        ({"indices": ["rms"]}, "`of` must be one of"),
+        ({"indices": ["rms"]}, "`of` must say what is observed: bar, baffle, or the number of a coordinate, 0 to 1"),
         ({"indices": ["std"], "of": 0}, "`of` is for the indices amplitude"),
         ({"indices": ["rms"], "of": "tip"}, "unknown point or stop 'tip'"),
-        ({"indices": ["rms"], "of": 2}, "`of` must be at most 1"),
+        (
+            {"indices": ["rms"], "of": 2},
+            "of bar, baffle, or the number of a coordinate, 0 to 1, got 2",
+        ),
         ({"indices": [OF_FORCE]}, "needs a compliant stop"),
         ({"indices": [OF_FORCE, "rms"], "of": "left"}, "unknown point or stop 'left'"),
         ({"indices": ["rms"], "of": 0, "backend": "reference"}, "reference"),

@@ -206,7 +206,7 @@ def test_a_gap_may_be_varied_through_zero_and_below():
         (lambda: vi.response_curve(vi.ImpactOscillator(gap=-50.0), omega=(0.05, 0.06), step=0.2), "no periodic motion"),
         (lambda: vi.response_curve(soft(), of="tip", omega=(0.5, 1.0)), "unknown point or stop 'tip'"),
         (lambda: vi.response_curve(soft(), of=3, omega=(0.5, 1.0)), "`of`"),
-        (lambda: vi.response_curve(vi.models.impact_damper(), omega=(5.0, 6.0)), "`of` must be one of"),
+        (lambda: vi.response_curve(vi.models.impact_damper(), omega=(5.0, 6.0)), "`of` must say what is observed"),
     ],
 )
 def test_what_cannot_be_followed_is_refused(call, words):

@@ -162,7 +162,7 @@ def follow(options: Options) -> None:
         orbits = _find(study, options)
         branches = _branches(orbits, parameter, span, meter, options.value("step"), doublings)
     if not branches:
-        _nothing(orbits.message, options)
+        nothing(orbits.message, options)
     beneath = _diagram(study, parameter, span) if options["diagram"] and not meter.stopped else None
     arguments = {"parameter": parameter, "range": span, **_type(options), "doublings": doublings}
     attrs = provenance("continue_orbit", study.model, arguments)
@@ -234,7 +234,7 @@ def one_range(study: Study) -> tuple[str, Range]:
     return parameter, span
 
 
-def _nothing(message: str, options: Options) -> NoReturn:
+def nothing(message: str, options: Options) -> NoReturn:
     """End a command that found nothing: a failure only if a file was to be written."""
     if options["out"] is not None:
         raise Ended(f"{message}; nothing was written")
@@ -277,7 +277,7 @@ def boundary(options: Options) -> None:
     with Meter("boundaries", opening=study.announce) as meter, refusing():
         curves = (_of_orbits if of_orbits else _all)(study, box, kinds, options, meter)
     if not curves and not meter.stopped:
-        _nothing(f"no such boundary found in the plane of {' and '.join(names)}: {curves.message}", options)
+        nothing(f"no such boundary found in the plane of {' and '.join(names)}: {curves.message}", options)
     output.finish(_bundled(curves, study, box) if curves else None, options, meter, over, study.units)
 
 

@@ -6,7 +6,7 @@ from vibroimpact.cli import output
 from vibroimpact.cli import schema as o
 from vibroimpact.cli.endings import WrongRequest, refusing
 from vibroimpact.cli.options import Options, with_options
-from vibroimpact.cli.orbits import one_range
+from vibroimpact.cli.orbits import nothing, one_range
 from vibroimpact.cli.study import study_of
 from vibroimpact.progress import Meter
 
@@ -25,6 +25,7 @@ def response(options: Options) -> None:
       vibroimpact response --model tube_in_supports --of 0 --x frequency=20:60 --out curve.nc
     """
     import vibroimpact
+    from vibroimpact.continuation.response import NoCurve
 
     study = study_of(options)
     parameter, span = one_range(study)
@@ -37,6 +38,9 @@ def response(options: Options) -> None:
                     study.model, of=of, step=options.value("step"), progress=meter, **{parameter: span}
                 )
             dataset = curve.dataset
+        except NoCurve as error:
+            if not meter.stopped:
+                nothing(str(error), options)
         except WrongRequest:
             if not meter.stopped:
                 raise

@@ -75,7 +75,7 @@ def continue_boundary(
     virtual : bool
         Whether to continue where the orbit on the boundary is inadmissible; otherwise the curve ends there.
     progress : bool or callable, optional
-        None shows a passing line where a terminal or a notebook is there, once a second has passed.
+        None shows a temporary line on a terminal or in a notebook if it takes more than a second.
         True shows a count; a callable gets (points done, None, None) and stops the computation by returning False.
 
     Returns

@@ -68,7 +68,7 @@ def continue_orbit(
         Whether to continue beyond a graze, where orbits are inadmissible but may become admissible again; otherwise the
         branch ends at the graze.
     progress : bool or callable, optional
-        None shows a passing line where a terminal or a notebook is there, once a second has passed.
+        None shows a temporary line on a terminal or in a notebook if it takes more than a second.
         True shows a count; a callable gets (orbits done, None, None) and stops the computation by returning False.
 
     Returns
@@ -109,11 +109,11 @@ def continue_orbit(
     bifurcation. If it is damped, the force jumps at contact and the multipliers jump at the graze, where the branch may
     turn back.
 
-    Along the energy, the period of an orbit varies with it: `Branch.frequencies` has it. The multipliers other than the
-    two that are 1 show internal resonances: where a pair meets at 1, the branch folds or others cross it; where a pair
-    meets at -1 a period doubling is listed (a pitchfork for a symmetric orbit, whose half map is used). Contacts appear
-    and disappear without a special point. The branch ends as "grazing" where its last contact vanishes, at the linear
-    mode, or where no orbit is found beyond a graze.
+    Along the energy, the period varies from orbit to orbit; `Branch.frequencies` has one value per orbit. The
+    multipliers other than the two that are 1 show internal resonances: where a pair meets at 1, the branch folds or
+    others cross it; where a pair meets at -1, a period doubling is listed (a pitchfork for a symmetric orbit, whose
+    half map is used). Contacts appear and disappear without a special point. The branch ends as "grazing" where its
+    last contact vanishes, at the linear mode, or where no orbit is found beyond a graze.
 
     References
     ----------

@@ -113,7 +113,7 @@ def boundary_curves(
     step : float, 1e-6 to 0.5
         As in `continue_boundary`.
     progress : bool or callable, optional
-        None shows a passing line where a terminal or a notebook is there, once a second has passed.
+        None shows a temporary line on a terminal or in a notebook if it takes more than a second.
         True shows a bar; a callable gets (lines done, lines in all, curves so far), several times per line, and stops
         the search by returning False: the curves finished by then are returned.
 
@@ -212,7 +212,7 @@ def curves_through(
     parameters, ranges, step
         As in `continue_boundary`.
     progress : bool or callable, optional
-        None shows a passing line where a terminal or a notebook is there, once a second has passed.
+        None shows a temporary line on a terminal or in a notebook if it takes more than a second.
         True shows a count; a callable gets (curves done, None, curves so far), several times per curve, and stops the
         computation by returning False: the curves finished by then are returned.
 

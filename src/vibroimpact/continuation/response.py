@@ -48,6 +48,10 @@ PART, IMPACTS = {"long_name": "part of the curve"}, {"long_name": "impacts in a 
 STABLE = "unstable", "stable"
 
 
+class NoCurve(ValueError):
+    """A range without any periodic motion that a response curve consists of."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class ResponseCurve(Shown):
     """How far a system swings along one parameter: motions without contact, and branches of orbits with contact.
@@ -157,7 +161,7 @@ def response_curve(
     step : float, 1e-6 to 0.5
         Longest step along branches, as in `continue_orbit`, and share of the range between steady motions.
     progress : bool or callable, optional
-        None shows a passing line where a terminal or a notebook is there, once a second has passed.
+        None shows a temporary line on a terminal or in a notebook if it takes more than a second.
         True shows a count; a callable gets (orbits done, None, None) and stops the computation by returning False.
     **axes : tuple of two float
         One parameter and its lowest and highest value, such as ``omega=(280, 340)``. Tables and figures show a quantity
@@ -199,8 +203,8 @@ def response_curve(
     check_apart(axes, DISPLACEMENTS)
     form = as_system(model.at()).modal()
     if not (form.forces.any() or form.motions.any()):
-        free = "" if model.at().energy_changes else "; follow a free vibration with continue_orbit along its energy"
-        raise ValueError(f"`model` has no periodic load and no moving stop, and a response curve needs one{free}")
+        instead = "" if model.at().energy_changes else "; follow a free vibration with continue_orbit along its energy"
+        raise ValueError(f"`model` has no periodic load and no moving stop, and a response curve needs one{instead}")
     units = units_of({parameter: ends}, model.parameters) if parameter in model.parameters else {}
     ends, longest = check_range(model, parameter, ends, None), check_share("step", step)
     observed(as_system(model.at()), of)
@@ -211,9 +215,9 @@ def response_curve(
     if stopped and not (free or branches):
         raise ValueError("stopped by `progress` before a motion was found")
     if not (free or branches):
-        raise ValueError(
-            f"no periodic motion was found along `{parameter}`, {span_text(model, parameter, ends)}, neither without "
-            "contact nor with one impact per period; a bifurcation_diagram shows what the system does"
+        raise NoCurve(
+            f"no periodic motion was found along {span_text(model, parameter, ends)}, neither without contact nor with "
+            "one impact per period; a bifurcation diagram shows what the system does"
         )
     message = (
         f"{counted(len(free), 'part')} without contact and {counted(len(branches), 'part')} with contact, along "

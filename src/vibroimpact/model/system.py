@@ -81,7 +81,7 @@ class ImpactSystem(NamedPoints, ByValue):
     """
 
     kind: ClassVar[str] = "system"  # the name in files
-    at_rest: ClassVar[str] = "rest at q = 0, or before the stops in its way"
+    at_rest: ClassVar[str] = "rest at q = 0, or the nearest position in front of the stops"
     says_all: ClassVar[bool] = False  # its parameters are not all its numbers
     forgets: ClassVar[bool] = False  # the impact or rest at one stop is not the whole state
     step_cost: ClassVar[int] = 4  # cost of a certified step, in steps of one mass

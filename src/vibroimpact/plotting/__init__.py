@@ -117,10 +117,12 @@ def default_kind(dataset: xr.Dataset) -> str:
         return "exponent-map"
     if kinds := figures.kinds_of("parameter_map", len(axes)) if axes else ():
         return kinds[0]
+    got, hint = f"one over {len(axes)} axes", "select values of further axes with .sel"
+    if not axes:
+        got, hint = f"one of {maker}", "draw orbits with orbit.motion(times), attractors with basins"
     raise ValueError(
         "`dataset` must be a result of simulate, a section, bifurcation_diagram, parameter_map over one or two axes, "
-        f"continue_orbit, response_curve, boundary_curves, basins, impact_statistics or compare, got {len(axes)} axes; "
-        "select values of further axes with .sel"
+        f"continue_orbit, response_curve, boundary_curves, basins, impact_statistics or compare, got {got}; {hint}"
     )
 
 
