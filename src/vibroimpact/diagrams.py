@@ -97,7 +97,7 @@ def bifurcation_diagram(
     workers : int, optional
         Threads for direction "fresh"; None means one per core. The other directions use one thread.
     progress : bool or callable, optional
-        None shows a passing line where a terminal or a notebook is there, once a second has passed.
+        None shows a temporary line on a terminal or in a notebook if it takes more than a second.
         True shows a bar; a callable gets (values done, values in all, Dataset so far) and stops the sweep by returning
         False.
     **axis : sequence of numbers

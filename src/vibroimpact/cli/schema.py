@@ -193,8 +193,9 @@ PERIODS = (
 DURATION = (
     _sampling("periods", "N", "Driving periods to compute.", default=20, check=positive_number),
     _sampling("duration", "S", "Length in s, or with another unit: 20ms.", check=check_duration),
-    _sampling("pieces", "TIME:FORCE", "Load in pieces instead of that of the model, each such as 4ms:50N, or 1s:model "
-              "for the load of the model. For systems, a force for each coordinate: 4ms:0,50. Repeat it for more.",
+    _sampling("pieces", "TIME:FORCE", "Piece of a load in place of the model's: its duration and force, as 4ms:50N, or "
+              "1s:model for the load of the model. For systems, a force for each coordinate: 4ms:0,50. Repeat the "
+              "option for the next piece.",
               flags=("--piece",), kind=TEXTS, read=read_pieces, check=check_pieces),
     _sampling("times", "T,T,..", "Times of samples in s; or FROM:TO:POINTS.", read=read_times, check=check_times),
     _sampling("skip_periods", "N", "Driving periods to skip first.", default=0, check=_whole(0)),

@@ -73,7 +73,7 @@ def attractors(
     workers : int, optional
         Threads; None means one per core. The result does not depend on it.
     progress : bool or callable, optional
-        None shows a passing line where a terminal or a notebook is there, once a second has passed.
+        None shows a temporary line on a terminal or in a notebook if it takes more than a second.
         True shows a bar; a callable gets (initial conditions decided, their total number, their `status` so far) and
         stops the search by returning False: the attractors found by then are returned.
 
@@ -224,7 +224,7 @@ def basins(
     transient_impacts, sample_impacts, backend, tolerances, workers
         As in `attractors`.
     progress : bool or callable, optional
-        None shows a passing line where a terminal or a notebook is there, once a second has passed.
+        None shows a temporary line on a terminal or in a notebook if it takes more than a second.
         True shows a bar; a callable gets (initial conditions decided, their total number, Dataset with their `status`)
         and stops the search by returning False: the result so far is returned, with unfinished cells `interrupted`.
     **axes : sequences of numbers

@@ -54,7 +54,7 @@ def save(dataset: Any, path: str | os.PathLike[str], *, overwrite: bool = False)
     Raises
     ------
     ValueError
-        The ending is not one of the four, or `dataset` is nothing that can be saved.
+        The ending is not one of the four, or `dataset` cannot be saved.
     OSError
         The output exists and `overwrite` is false, or it cannot be written (folder, permissions, full disk).
 
@@ -66,8 +66,8 @@ def save(dataset: Any, path: str | os.PathLike[str], *, overwrite: bool = False)
     variables over fewer of them are repeated. Padding is left out; statuses, kinds and other codes are written as
     words.
 
-    Of an orbit, branch, boundary or attractor, `.zarr` and `.nc` hold the labelled dataset and, as JSON in the variable
-    `object`, the same with its model, which `load` returns, equal to the bit.
+    For an orbit, branch, boundary or attractor, `.zarr` and `.nc` contain the labelled dataset and, as JSON in the
+    variable `object`, the object with its model. `load` returns this object, equal to the bit.
 
     Examples
     --------

@@ -120,12 +120,12 @@ def find_orbit(
     the first orbit on the curve; below it, where some families begin, all of them. The period and the states have the
     accuracy of other orbits, and the energy is exact to rounding. Orbits of one family differ in energy and in phase,
     so two multipliers are 1: such a motion is periodic, one of a continuum, and attracts no other. The others come in
-    pairs with the product 1. At small energy they are exp(2 pi i f_j/f) of the other modes; where a pair meets at 1 or
-    -1, another mode is in internal resonance. Without contact the motion is linear, and the error tells its frequency
-    and the energy of the first contact. Stops that are touched at the same instant, and families that wind through many
-    grazes near an internal resonance, may leave the list empty; `message` then gives the energies that were reached. A
-    search takes 0.1 to 1 s, near internal resonances up to 30 s, during which a line on the error stream of a terminal
-    shows how many orbits have been followed (at most 500).
+    pairs with the product 1. Just above the first contact they are exp(2 pi i f_j/f) of the other modes; where a pair
+    meets at 1 or -1, another mode is in internal resonance. Without contact the motion is linear, and the error message
+    gives its frequency and the energy of the first contact. Stops that are touched at the same instant, and families
+    that wind through many grazes near an internal resonance, may leave the list empty; `message` then gives the
+    energies that were reached. A search takes 0.1 to 1 s, near internal resonances up to 30 s, during which a line on
+    the error stream of a terminal shows how many orbits have been followed (at most 500).
 
     References
     ----------

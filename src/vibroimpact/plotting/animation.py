@@ -59,7 +59,7 @@ def animate(
     overwrite : bool
         Whether an existing film may be replaced.
     progress : bool or callable, optional
-        None shows a passing line where a terminal or a notebook is there, once a second has passed.
+        None shows a temporary line on a terminal or in a notebook if it takes more than a second.
         True shows a bar; a callable gets (frames done, frames in all, None) and stops by returning False, which raises
         `KeyboardInterrupt`.
 

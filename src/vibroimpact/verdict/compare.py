@@ -241,7 +241,7 @@ def compare(
     parameters, within, units, tolerances, workers
         As in `describe`.
     progress : bool or callable, optional
-        None shows a passing line where a terminal or a notebook is there, once a second has passed.
+        None shows a temporary line on a terminal or in a notebook if it takes more than a second.
         True shows a bar; a callable gets (parts done, parts in all, None) and stops the computation by returning False.
 
     Returns
