@@ -185,7 +185,6 @@ BAD = [
     (lambda: vi.facet_error(2), "`facets` must be a whole number >= 3"),
     (lambda: stopped(vi.Stop(direction=1.0, gap=1.0, group="one")), "`group` 'one' has only one stop, 'stop_1'"),
     (lambda: stopped(*[vi.Stop(direction=1.0, gap=1.0)] * 2), "'stop_1' and 'stop_2' are at the same place"),
-    (lambda: stopped(*(vi.Stop(direction=d, gap=0.3 * d) for d in (1.0, 3.0))), "'stop_2' are at the same place"),
     (lambda: stopped(*sides("c"), vi.Stop(direction=2.0, gap=1.0, name="c")), "'c' is also the name of a stop"),
     (lambda: vi.Stop(direction=1.0, gap=1.0, group="two words"), "`group` must be a word"),
     (lambda: stopped(*(vi.Stop(direction=1.0, gap=0.1 * at) for at in range(65))), "at most 64"),

@@ -20,7 +20,6 @@ from vibroimpact.model.elements import NUMBERS, Element, element_of
 from vibroimpact.model.force import by_order, check_length, vector
 from vibroimpact.parameters import SMALLEST, invalid, real_number, several
 
-PLACE_DIGITS = 14  # decimals, relative to the largest entry of a direction, in which two stops at one place agree
 STOPS = 64  # at most: a set of stops is the bits of a number
 
 
@@ -246,12 +245,11 @@ def _check_groups(stops: Sequence[Stop], names: Sequence[str | None]) -> None:
 
 
 def _check_places(stops: Sequence[Stop]) -> None:
-    """Raise if a rigid stop is there twice, also in multiples: which of the two is struck is undefined."""
+    """Raise if a rigid stop is there twice: which of the two is struck is undefined."""
     places: dict[Any, str | None] = {}
     for stop in stops:
         if stop.element.impenetrable:
-            numbers = np.array([*stop.direction, stop.gap, *stop.motion.values()]) / np.abs(stop.direction).max()
-            place = (*np.round(numbers, PLACE_DIGITS).tolist(), *stop.motion)
+            place = (*stop.direction.tolist(), stop.gap, *stop.motion.items())
             if place in places:
                 raise ValueError(
                     f"`stops` {places[place]!r} and {stop.name!r} are at the same place, with the same direction and "
