@@ -413,3 +413,17 @@ def test_such_an_orbit_is_the_motion_that_is_simulated():
     tip = motion["displacement"].values
     assert tip[-1] == pytest.approx(tip[0], abs=1e-11 * np.abs(tip).max())
     assert vi.response_of(orbit, of="tip").amplitude == pytest.approx(0.5 * np.ptp(tip), rel=1e-6)
+
+
+@pytest.mark.parametrize("call", [vi.attractors, vi.describe])
+def test_a_long_search_among_the_motions_of_a_stiff_beam_is_announced(call):
+    """The answer would take minutes, so it is not waited for."""
+    beam = vi.models.fe_beam(
+        length=0.7, elements=16, supports={0.0: "clamp"}, rigidity=12487.5, mass_per_length=7.047, rayleigh=(3.0, 1e-5),
+        points={"tip": 0.7}, force=vi.Force(frequency=48.5, harmonics={1: {"tip": 20.0}}),
+        stops=[vi.Stop(direction={"tip": 1.0}, gap=1e-3, stiffness=1.3e6)],
+    )  # fmt: skip
+    with pytest.raises(
+        UserWarning, match=r"256 initial conditions take about \d.* or more: the fastest rate .* [\d,]+ t"
+    ):
+        call(beam, workers=2)

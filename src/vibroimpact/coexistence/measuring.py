@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -21,7 +22,8 @@ from vibroimpact.motion import Motion, MotionClass, decide
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.search import stable_orbits
 from vibroimpact.orbits.sticking import CREST
-from vibroimpact.parameters import invalid
+from vibroimpact.parameters import PACE, invalid
+from vibroimpact.progress import duration
 from vibroimpact.status import Status
 
 SPREAD = 256  # initial conditions where none are given
@@ -29,6 +31,8 @@ ONE_IMPACT_PERIODS = 16  # up to which orbits of one impact are tried besides
 PAPER = ImpactWindow(100, 5000)
 HARDLY_EVER = 64  # periods: chaos in which the mass rests now and then is, strictly, a long sticking cycle
 PROBES = 16  # cells, a block of lanes, that are tried first where all may exceed their budget
+FIRST, LONG = 255, 120.0  # impacts of the first round for systems, and seconds of which a user is warned
+LEAPS, MODES_COST = 6, 0.1  # expected steps that a leap of a stiff system takes; cost of a mode, relative to a step's
 PARTS = 8  # of a limit of steps, after each of which it is checked
 EQUAL = 1e-9  # relative: speeds, impulses, shares and sums of lengths that differ by less are equal
 QUIET = (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER, MotionClass.AT_REST)
@@ -88,6 +92,24 @@ def carried(osc: Any, start: State) -> Cells:
     """Return the cell of a design with that initial condition, moved in front of a stop if rounding puts it beyond."""
     cell: Cells = osc.cells({})
     return cell.carried(start.displacement, start.velocity, start.time * osc.omega / (2.0 * math.pi) % 1.0)
+
+
+def warn_of_cost(osc: Any, number: int, runner: Runner) -> None:
+    """Warn before the motions from initial conditions take minutes or more, as those of stiff systems do."""
+    cell: Cells = osc.cells({})
+    first, leapt = ImpactWindow(0, FIRST), ImpactWindow(0, FIRST // LEAPS)
+    if osc.forgets or outlast(cell, Measurement(leapt, runner.tolerances)):
+        return  # one mass is fast, and what exceeds its budget is soon given up
+    cost = PACE * osc.step_cost * (1.0 + MODES_COST * cell.coordinates) / runner.workers
+    seconds = number * cost * float(expected_steps(cell, first)[0])
+    if seconds > LONG:
+        ratio = float(cell.fastest_rate[0] / cell.slowest_rate[0])
+        warnings.warn(
+            f"the motions from {number:,} initial conditions take about {duration(seconds)} or more: the fastest rate "
+            f"of the model is {ratio:,.0f} times its slowest. Leave out modes that are faster than a contact (`modes` "
+            "of a beam), or call attractors with fewer `starts`",
+            stacklevel=3,
+        )
 
 
 def state_cells(osc: Any, starts: Iterable[State]) -> Cells:
@@ -163,7 +185,19 @@ class Runner:
     ) -> Iterator[tuple[Counts | slice, Outcome]]:
         """Yield which cells have ended, and the indices that identify their motions."""
         names = tuple(name for name in identifying(cells) if name in INDICES)
-        return self.sweep(cells, Measurement(window, tolerances or self.tolerances, indices=names))
+        for which, outcome in self.sweep(cells, Measurement(window, tolerances or self.tolerances, indices=names)):
+            complete = outcome.keys() >= set(cells.parting)
+            yield which, outcome if complete else outcome | self._first(cells[which], window)
+
+    def _first(self, cells: Cells, window: ImpactWindow) -> Outcome:
+        """Return the first impact that is kept of each motion, on the only stop, where a back end does not give it."""
+        begun = Measurement(replace(window, keep=1), self.tolerances)
+        firsts = [
+            (*one.impact_phase[:1], *one.impact_velocity[:1]) or (math.nan, math.nan)
+            for one in self.engine.samples(cells, begun)
+        ]
+        phase, velocity = np.array(firsts).reshape(-1, 2).T
+        return {"first_stop": np.zeros(len(cells), np.int64), "first_phase": phase, "first_velocity": velocity}
 
     def sweep(self, cells: Cells, wanted: Measurement) -> Iterator[tuple[Counts | slice, Outcome]]:
         """Yield which cells have ended, and their results, and count their steps.

@@ -11,12 +11,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vibroimpact.backends import Cells, ImpactWindow, OfOneMass, StroboscopicWindow, check_takes
+from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow, check_takes
 from vibroimpact.cells import Floats
 from vibroimpact.coexistence.attractor import Attractor, Basin, distinct_names, match
 from vibroimpact.coexistence.labelled import STATISTICS, attractor_variables
 from vibroimpact.coexistence.losses import Design
-from vibroimpact.coexistence.measuring import Measured, Runner, carried, orbit_cells, spread_cells, state_cells
+from vibroimpact.coexistence.measuring import (
+    SPREAD,
+    Measured,
+    Runner,
+    carried,
+    orbit_cells,
+    spread_cells,
+    state_cells,
+    warn_of_cost,
+)
 from vibroimpact.coexistence.planes import Plane, plane_of
 from vibroimpact.coexistence.settling import Settled, last_round, outlook_from, outlook_of, rounds, settle
 from vibroimpact.dataset import dataset_of, flags, provenance, status_variable
@@ -130,17 +139,15 @@ def attractors(
     """
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     check_model(osc)
-    found = attractors_by(Runner(backend, tolerances, workers), osc.at(), starts, sampling, progress)
+    design, runner = osc.at(), Runner(backend, tolerances, workers)
+    warn_of_cost(design, len(starts) if isinstance(starts, Sequence) else SPREAD, runner)
+    found = attractors_by(runner, design, starts, sampling, progress)
     return [replace(attractor, model=osc) for attractor in found]
 
 
 def check_taken(model: Any, runner: Runner) -> None:
     """Refuse a model without stops, and a model that the back end does not support."""
     check_takes(runner.engine, model)
-    if not model.forgets and isinstance(runner.engine, OfOneMass):
-        instead = ", or write the model as an ImpactOscillator" * (model.coordinates == len(model.stops) == 1)
-        what = f"`backend` {runner.engine.name!r} cannot distinguish the motions of systems"
-        raise ValueError(f"{what}; leave it out{instead}")
     if not model.stops:
         raise ValueError(f"`osc` must have a stop, got {model!s}: without one there is a single motion, the steady one")
 
@@ -284,6 +291,7 @@ def basins(
 
     survey = cache(lambda: outlook_from(runner, model, spread_cells(model.cells({})), windows))
     _check_cost("axes", cells, windows[0])
+    warn_of_cost(model, len(cells), runner)
     with reporter(progress, "initial conditions") as tell:
         settled, reached = _matched(
             runner, model, cells, windows, len(cells), tell, so_far, lambda settled, window: survey()

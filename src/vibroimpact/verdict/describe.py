@@ -9,7 +9,7 @@ from itertools import count
 from typing import Any
 
 from vibroimpact.backends import without_value
-from vibroimpact.coexistence.measuring import EQUAL, Runner, SpentError
+from vibroimpact.coexistence.measuring import EQUAL, SPREAD, Runner, SpentError, warn_of_cost
 from vibroimpact.model import Model, check_model
 from vibroimpact.model.units import check_units
 from vibroimpact.motion import Motion
@@ -253,6 +253,7 @@ def describe(
     reach, shown = check_within(within), check_units(osc, units)
     ranges = [range_of(osc, name, reach) for name in check_parameters(osc, parameters)]
     runner = Runner("cpu", tolerances, workers)
+    warn_of_cost(osc.at(), SPREAD, runner)
     parts = len(ranges) + BESIDE
     with reporter(progress, "parts") as report:
         done = count(1)
