@@ -287,3 +287,22 @@ def test_indices_of_maps_are_those_of_the_oscillator(modal_engine):
         np.testing.assert_allclose(
             other[name].values[once], own[name].values[once], rtol=1e-10, atol=1e-10, err_msg=name
         )
+
+
+@pytest.mark.parametrize("omega", [1.4, 0.4])
+def test_the_witness_finds_the_attractors_and_basins_of_one_mass_written_as_a_system(omega):
+    """The load has a phase and a constant part; at 0.4 rad/s the mass rests at the stop."""
+    wall = vi.Stop(direction=-1, gap=0.05, restitution=0.3, name="wall")
+    load = vi.Force(omega=omega, harmonics={1: 1.0 + 0.5j}, constant=0.1)
+    model = vi.ImpactSystem(mass=2.0, damping=0.5, stiffness=3.0, force=load, stops=[wall])
+    few = {"transient_impacts": 7, "sample_impacts": 20, "workers": 1}
+    starts = [vi.State(0.0), vi.State(0.3, -1.0, 0.4)]
+    (one,), (other,) = (vi.attractors(model, starts, backend=name, **few) for name in ("cpu", "reference"))
+    assert (one.name, one.share, one.stops) == (other.name, other.share, other.stops)
+    np.testing.assert_allclose(one.velocities, other.velocities, rtol=1e-9)
+    np.testing.assert_allclose(one.phases, other.phases, rtol=1e-9)
+    plane = {"phase": [0.1, 0.6], "velocity": [1.0]}
+    ours, witnessed = (vi.basins(model, **plane, **few, backend=name) for name in ("cpu", "reference"))
+    assert ours["attractor"].equals(witnessed["attractor"])
+    with pytest.raises(ValueError, match="takes only one mass in front of one fixed rigid stop"):
+        vi.attractors(vi.models.two_sided_oscillator(), starts, backend="reference")
