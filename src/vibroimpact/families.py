@@ -242,7 +242,7 @@ def _model_in(module: Any, name: str, place: Any) -> Model:
         if not models:
             hint = "write @vibroimpact.family above a function that returns an oscillator or a system"
             raise ValueError(f"`model` must name a model, but {file} has none; {hint}")
-        raise unknown("model", name, models, f"(in {file})")
+        raise unknown("model", name, models, f"these are in {file}")
     try:
         models[name].at()
     except ValueError as error:

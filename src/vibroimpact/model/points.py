@@ -84,7 +84,7 @@ def observed(system: Any, of: Any) -> tuple[NDArray[np.float64], int | None]:
     """
     n, points, stops = system.coordinates, system.points, system.stop_names
     names = list(dict.fromkeys([*points, *stops]))
-    numbers_of = f"the number of a coordinate, 0 to {n - 1}" if n > 1 else "0, its only coordinate"
+    numbers_of = f"the number of a coordinate, 0 to {n - 1}" if n > 1 else "0 for the only coordinate"
     if of is None and 1 in (n, len(points)):
         of = 0 if n == 1 else next(iter(points))
     if of is None:

@@ -70,6 +70,8 @@ def _sampled(verdict: Verdict) -> str:
         return hardest
     names = "impacts_per_period", "mean_velocity", "impact_phase_spread"
     often, mean, spread = (verdict.indices[name] for name in names)
+    if math.isinf(verdict.rate):
+        return f"at ever shorter intervals, {hardest}, mean about {mean:.2g} m/s"
     if not verdict.oscillator.periodic:
         return f"about {verdict.rate:.2g} impacts per second, {hardest}, mean about {mean:.2g} m/s"
     phases = f"; phases spread {spread:.2g} (0 one phase, 1 uniform)" if math.isfinite(spread) else ""
