@@ -65,7 +65,7 @@ def simulate(
         `periods`. The motion ends at the last one. For the dimensionless oscillator they are dimensionless.
     pieces : list of (float, Force or None), optional
         A load in pieces: the duration of each in s, > 0, and its force, which replaces that of the model. Instead of
-        `periods`; may be sampled at `times`.
+        `periods`; sampled at 4001 instants or more, or at `times`.
     skip_periods : int, >= 0
         Driving periods to skip first.
     samples_per_period : int, >= 1
@@ -161,6 +161,8 @@ def simulate(
         window, how = _over_periods(length, design, **how), {"periods": length, **how}
     else:
         length = positive_number("duration", duration) if loads is None else loads.ends[-1] - run.begin
+        if loads is not None:  # the load of the model, whose period it is, may not act at all
+            how["samples_per_period"] = max(how["samples_per_period"], math.ceil(EVEN * design.period / length))
         window, how = _over_seconds(length, run, **how), {"duration": length, **how}
     if loads is not None:
         attrs = run.provenance("simulate", **how, pieces=loads.plain())
