@@ -13,7 +13,7 @@ from vibroimpact.explorer.address import from_query, keys, ranges_for, to_query
 from vibroimpact.explorer.limits import budget, stiffness
 from vibroimpact.explorer.models import find_ready_made, finder, first_view, open_model, usual_range
 from vibroimpact.explorer.plane import SIDES, TRANSIENT, lattice, sides
-from vibroimpact.explorer.point import compute_point
+from vibroimpact.explorer.point import compute_point, index_text
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import View, parameter_label, table
 from vibroimpact.explorer.views import PointView
@@ -116,6 +116,18 @@ def test_the_numbers_of_a_point_are_those_of_parameter_map():
         assert point.indices[index] == pytest.approx(float(sweep[index][0]), nan_ok=True, rel=0.0)
 
 
+def test_a_point_of_a_machine_without_a_driving_period_has_no_number_per_period():
+    ends = [vi.Stop(direction=side, gap=1.0, restitution=1.0, name=name) for side, name in ((1, "up"), (-1, "down"))]
+    fallen = vi.ImpactSystem(mass=1.0, stiffness=0.0, force=vi.Force(constant=-9.81), stops=ends)
+    point = compute_point(first_view(fallen, "fallen"))
+    assert point.indices["max_velocity"] > 1.0
+    for index in ("impacts_per_period", "dissipation", "impact_phase_spread"):
+        assert np.isnan(point.indices[index])
+        assert index_text(point, index, 4) == "–"
+    assert (point.n_periods, index_text(point, "n_periods", 4)) == (0, "no cycle")
+    assert "period" not in point.sentence
+
+
 def test_impacts_at_one_stop_are_part_of_those_at_all():
     view = of("two_sided_oscillator")
     each = [compute_point(replace(view, stop=stop)).impact_map["phase"] for stop in (0, 1, 2)]
@@ -184,7 +196,7 @@ REFUSED = {
     "\n\ndef shaker(a=1.0):\n    return a\n": r"is a function; write @vibroimpact.family .*\(mine.py, line 3\)",
     FAMILY + "def shaker(a):\n    return vi.ImpactOscillator(gap=a)\n": r"needs a number .*\(mine.py, line 3\)",
     FAMILY + "def shaker(a=1.0):\n    return a\n": r"a model, got 1.0; .* \(mine.py, line 3\)",
-    FAMILY + "def other(a=1.0):\n    return vi.ImpactOscillator(gap=a)\n": r"choose from other.*\(in mine.py\)",
+    FAMILY + "def other(a=1.0):\n    return vi.ImpactOscillator(gap=a)\n": r"choose from other; these are in mine.py",
 }
 
 

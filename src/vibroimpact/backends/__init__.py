@@ -19,7 +19,7 @@ from vibroimpact.backends.base import (
 )
 from vibroimpact.backends.one_mass import OfOneMass
 from vibroimpact.cells import Cells
-from vibroimpact.indices import ALL, DISPLACEMENTS, FORCES, INDICES, check_indices
+from vibroimpact.indices import ALL, DISPLACEMENTS, EVERY, FORCES, INDICES, check_indices
 from vibroimpact.model import Model, as_system
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.points import observed
@@ -42,6 +42,7 @@ __all__ = [
     "chosen_indices",
     "get_backend",
     "observed_by",
+    "with_missing",
     "without_value",
 ]
 
@@ -113,6 +114,11 @@ def without_value(name: str, model: Model, of: Any = ()) -> str:
     if name in DISPLACEMENTS and of is None:
         return f"`{name}` is that of a point, a coordinate or a clearance; name it by `of`"
     return ""
+
+
+def with_missing(indices: dict[str, float], model: Model) -> dict[str, float]:
+    """Return the indices of a motion, with missing values of those that the model lacks, as maps have them."""
+    return indices | {name: EVERY[name].fill for name in indices if without_value(name, model)}
 
 
 def observed_by(indices: Iterable[str], model: Model, of: Any) -> tuple[float, ...] | int | None:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vibroimpact as vi
+from vibroimpact.backends import with_missing
 from vibroimpact.explorer.limits import budget, stiffness, system_of
 from vibroimpact.explorer.plane import TRANSIENT, KeepGoing
 from vibroimpact.explorer.state import View, written
@@ -97,7 +98,7 @@ def compute_point(view: View, model: Model | None = None) -> Point:
         patience=budget(stiffness(model), lead + looks),
     )
     orbit = _projected(shown, orbit)
-    status = Status(int(indices.pop("status")))
+    status, indices = Status(int(indices.pop("status"))), with_missing(indices, system)
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
     kind = MotionClass(int(decide(status, view.samples * indices["lyapunov_per_impact"], n, p)))
     origin = "From rest" if start is None else "From the chosen initial condition"
@@ -321,8 +322,9 @@ def _settled_motion(system: Any, kind: MotionClass, status: Status, indices: dic
         rest = 100.0 * indices["stick_fraction"]
         return f"{name}, stable, {peak} {often}; at rest at the stop {rest:.3g} % of the time."
     if kind == MotionClass.CHAOTIC:
-        doubling = math.log(2.0) / (indices["lyapunov"] * system.period)
-        return f"{name} over {impacts} impacts, {peak}; perturbations double in {_periods(doubling)}."
+        doubling = math.log(2.0) / indices["lyapunov"]
+        span = _periods(doubling / system.period) if system.periodic else f"{doubling:.2g} s"
+        return f"{name} over {impacts} impacts, {peak}; perturbations double in {span}."
     if kind.stored == MotionClass.NO_IMPACT:
         words = "no impact" if status == Status.NO_IMPACT else status.sentence.split(";")[0]
         swings = ""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from vibroimpact.backends import Cells, ImpactWindow, without_value
+from vibroimpact.backends import Cells, ImpactWindow, with_missing
 from vibroimpact.coexistence import Attractor
 from vibroimpact.coexistence.attractor import distinct_names
 from vibroimpact.coexistence.final import Final, final_motion, thrifty
@@ -14,7 +14,6 @@ from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runn
 from vibroimpact.coexistence.search import attractors_by, from_rest
 from vibroimpact.coexistence.striking import alike
 from vibroimpact.dataset import provenance
-from vibroimpact.indices import EVERY
 from vibroimpact.labels import labelled_impacts
 from vibroimpact.model import Model, State
 from vibroimpact.motion import Motion, MotionClass
@@ -65,8 +64,7 @@ class Present:
     @property
     def indices(self) -> dict[str, float]:
         """The indices of its motion; those that the model lacks have no value, as in maps."""
-        indices = self.measured.indices
-        return indices | {name: EVERY[name].fill for name in indices if without_value(name, self.oscillator)}
+        return with_missing(self.measured.indices, self.oscillator)
 
     def per_second(self, index: str) -> float:
         """Return an index per driving period as a rate; without a driving period, the engine's periods last 2 pi s."""
