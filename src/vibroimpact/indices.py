@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from vibroimpact.parameters import invalid, several, unknown
 
@@ -104,3 +105,29 @@ def check_indices(names: Iterable[str]) -> tuple[str, ...]:
     if len(set(chosen)) < len(chosen):
         raise invalid("indices", chosen, "distinct names")
     return chosen
+
+
+# Indices that count driving periods, or measure in them.
+OF_PERIODS = (
+    "impacts_per_period", "dissipation", "n_periods", "n_impacts", "impact_phase_spread", "harmonic_amplitude",
+    "harmonic_phase",
+)  # fmt: skip
+
+
+def without_value(name: str, model: Any, of: Any = ()) -> str:
+    """Return why a model has no value of an index; empty if it has one. `of` None: no displacement is named."""
+    if name in FORCES and getattr(model, "forgets", False):
+        return f"`{name}` is an index of systems; write the oscillator as an ImpactSystem"
+    if name in ("max_force", "rms_force") and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):
+        return f"`{name}` needs a compliant stop; the force of a rigid one has no largest value"
+    if name in OF_PERIODS and not getattr(model, "periodic", True):
+        lacks = "refers to the driving period, which the model lacks, since its load has no frequency"
+        return f"`{name}` {lacks}; impact_statistics gives rates per second"
+    if name in DISPLACEMENTS and of is None:
+        return f"`{name}` is that of a point, a coordinate or a clearance; name it by `of`"
+    return ""
+
+
+def with_missing(indices: dict[str, float], model: Any) -> dict[str, float]:
+    """Return the indices of a motion, with missing values of those that the model lacks, as maps have them."""
+    return indices | {name: EVERY[name].fill for name in indices if without_value(name, model)}

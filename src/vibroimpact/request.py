@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends import ImpactWindow, Measurement, without_value
+from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.cells import FASTEST, Cells, Floats
 from vibroimpact.dataset import (
     dataset_of,
@@ -27,7 +27,7 @@ from vibroimpact.dataset import (
     status_variable,
     variable,
 )
-from vibroimpact.indices import DISPLACEMENTS, EVERY
+from vibroimpact.indices import DISPLACEMENTS, EVERY, without_value
 from vibroimpact.model import Model, State, check_names, one_start
 from vibroimpact.model.units import DISPLAY, in_own_unit
 from vibroimpact.parameters import Parameter, check_steps, invalid, positive_number, whole_number

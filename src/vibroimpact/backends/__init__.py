@@ -19,9 +19,8 @@ from vibroimpact.backends.base import (
 )
 from vibroimpact.backends.one_mass import OfOneMass
 from vibroimpact.cells import Cells
-from vibroimpact.indices import ALL, DISPLACEMENTS, EVERY, FORCES, INDICES, check_indices
+from vibroimpact.indices import ALL, DISPLACEMENTS, FORCES, INDICES, check_indices, without_value
 from vibroimpact.model import Model, as_system
-from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.points import observed
 from vibroimpact.parameters import choice, unknown
 
@@ -42,8 +41,6 @@ __all__ = [
     "chosen_indices",
     "get_backend",
     "observed_by",
-    "with_missing",
-    "without_value",
 ]
 
 # name: module that defines `create(**options) -> Backend`
@@ -93,32 +90,6 @@ def chosen_indices(indices: Iterable[str], backend: Backend) -> tuple[str, ...]:
 
 def _computes(backend: Backend, name: str) -> bool:
     return name in backend.known_indices or (name in FORCES and not isinstance(backend, OfOneMass))
-
-
-# Indices that count driving periods, or measure in them.
-OF_PERIODS = (
-    "impacts_per_period", "dissipation", "n_periods", "n_impacts", "impact_phase_spread", "harmonic_amplitude",
-    "harmonic_phase",
-)  # fmt: skip
-
-
-def without_value(name: str, model: Model, of: Any = ()) -> str:
-    """Return why a model has no value of an index; empty if it has one. `of` None: no displacement is named."""
-    if name in FORCES and isinstance(model, ImpactOscillator):
-        return f"`{name}` is an index of systems; write the oscillator as an ImpactSystem"
-    if name in ("max_force", "rms_force") and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):
-        return f"`{name}` needs a compliant stop; the force of a rigid one has no largest value"
-    if name in OF_PERIODS and not getattr(model, "periodic", True):
-        lacks = "refers to the driving period, which the model lacks, since its load has no frequency"
-        return f"`{name}` {lacks}; impact_statistics gives rates per second"
-    if name in DISPLACEMENTS and of is None:
-        return f"`{name}` is that of a point, a coordinate or a clearance; name it by `of`"
-    return ""
-
-
-def with_missing(indices: dict[str, float], model: Model) -> dict[str, float]:
-    """Return the indices of a motion, with missing values of those that the model lacks, as maps have them."""
-    return indices | {name: EVERY[name].fill for name in indices if without_value(name, model)}
 
 
 def observed_by(indices: Iterable[str], model: Model, of: Any) -> tuple[float, ...] | int | None:

@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vibroimpact as vi
-from vibroimpact.backends import with_missing
 from vibroimpact.explorer.limits import budget, stiffness, system_of
 from vibroimpact.explorer.plane import TRANSIENT, KeepGoing
 from vibroimpact.explorer.state import View, written
-from vibroimpact.indices import INDICES, shown_spread, spread_scale
+from vibroimpact.indices import INDICES, shown_spread, spread_scale, with_missing
 from vibroimpact.model import Model, State
 from vibroimpact.motion import MotionClass, decide, motion_name
 from vibroimpact.plotting import views

@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass, field
 from itertools import count
 from typing import Any
 
-from vibroimpact.backends import without_value
 from vibroimpact.coexistence.measuring import EQUAL, SPREAD, Runner, SpentError, warn_of_cost
+from vibroimpact.indices import without_value
 from vibroimpact.model import Model, check_model
 from vibroimpact.model.units import check_units
 from vibroimpact.motion import Motion

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from vibroimpact.backends import Cells, ImpactWindow, with_missing
+from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence import Attractor
 from vibroimpact.coexistence.attractor import distinct_names
 from vibroimpact.coexistence.final import Final, final_motion, thrifty
@@ -14,6 +14,7 @@ from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runn
 from vibroimpact.coexistence.search import attractors_by, from_rest
 from vibroimpact.coexistence.striking import alike
 from vibroimpact.dataset import provenance
+from vibroimpact.indices import with_missing
 from vibroimpact.labels import labelled_impacts
 from vibroimpact.model import Model, State
 from vibroimpact.motion import Motion, MotionClass
