@@ -17,6 +17,7 @@ from vibroimpact.backends.base import Counts, Outcome, Samples
 from vibroimpact.backends.scalar import expected_steps, outlast
 from vibroimpact.execution.threads import run_sweep, worker_count
 from vibroimpact.indices import INDICES
+from vibroimpact.kernels.cell import MOST
 from vibroimpact.model import Model, State
 from vibroimpact.motion import Motion, MotionClass, decide
 from vibroimpact.options import Tolerances
@@ -31,7 +32,7 @@ ONE_IMPACT_PERIODS = 16  # up to which orbits of one impact are tried besides
 PAPER = ImpactWindow(100, 5000)
 HARDLY_EVER = 64  # periods: chaos in which the mass rests now and then is, strictly, a long sticking cycle
 PROBES = 16  # cells, a block of lanes, that are tried first where all may exceed their budget
-FIRST, LONG = 255, 120.0  # impacts of the first round for systems, and seconds of which a user is warned
+FIRST, LONG = 255, 60.0  # impacts of the first round for systems, and seconds of which a user is warned
 LEAPS, MODES_COST = 6, 0.1  # expected steps that a leap of a stiff system takes; cost of a mode, relative to a step's
 PARTS = 8  # of a limit of steps, after each of which it is checked
 EQUAL = 1e-9  # relative: speeds, impulses, shares and sums of lengths that differ by less are equal
@@ -97,12 +98,10 @@ def carried(osc: Any, start: State) -> Cells:
 def warn_of_cost(osc: Any, number: int, runner: Runner) -> None:
     """Warn before the motions from initial conditions take minutes or more, as those of stiff systems do."""
     cell: Cells = osc.cells({})
-    first, leapt = ImpactWindow(0, FIRST), ImpactWindow(0, FIRST // LEAPS)
-    if osc.forgets or outlast(cell, Measurement(leapt, runner.tolerances)):
-        return  # one mass is fast, and what exceeds its budget is soon given up
     cost = PACE * osc.step_cost * (1.0 + MODES_COST * cell.coordinates) / runner.workers
-    seconds = number * cost * float(expected_steps(cell, first)[0])
-    if seconds > LONG:
+    steps, most = float(expected_steps(cell, ImpactWindow(0, FIRST))[0]), float(LEAPS * MOST)
+    seconds = cost * (number * steps if steps < most else PROBES * most)  # a few are tried if all may be given up
+    if seconds > LONG and not osc.forgets:
         ratio = float(cell.fastest_rate[0] / cell.slowest_rate[0])
         warnings.warn(
             f"the motions from {number:,} initial conditions take about {duration(seconds)} or more: the fastest rate "
