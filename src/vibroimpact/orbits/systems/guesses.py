@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroimpact.cells import Floats
+from vibroimpact.matrices import ROUNDING
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.results import Guess
 from vibroimpact.orbits.systems.admissibility import courses
@@ -162,10 +163,20 @@ def _level(leg: Leg, stop: int) -> Callable[[float], float]:
 
 
 def _crossing(level: Callable[[float], float], low: float, high: float) -> float:
-    """Return the angle at which a level that is negative at `high` falls through zero."""
+    """Return the angle at which a level that is negative at `high` falls through zero: halving, then Illinois."""
+    above, below, fell = 0.0, level(high), True  # the level at `low` counts once it is known to be positive
+    close = ROUNDING * abs(below)
     for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if level(middle) < 0.0 else (middle, high)
+        middle = low + (above / (above - below) if above > 0.0 else 0.5) * (high - low)
+        if not low < middle < high:
+            break
+        value = level(middle)
+        if abs(value) <= close:
+            return middle
+        if value < 0.0:
+            high, below, above, fell = middle, value, above * (0.5 if fell else 1.0), True
+        else:
+            low, above, below, fell = middle, value, below * (1.0 if fell else 0.5), False
     return high
 
 
