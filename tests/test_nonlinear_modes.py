@@ -65,12 +65,33 @@ def integrated(system, q, speed, time):
         events = [clearance(j) for j in range(len(k))]
         flown = solve_ivp(rates, (begin, time), state, "DOP853", events=events, rtol=1e-12, atol=1e-13)
         state, begin = flown.y[:, -1], flown.t[-1]
-        for j in (j for j, times in enumerate(flown.t_events) if len(times)):
+        touched = np.abs(gaps - a @ state[:n]) < 1e-12  # others at the same time
+        for j in (j for j, times in enumerate(flown.t_events) if len(times) or touched[j]):
             if k[j]:
                 pushing[j] = not pushing[j]
             else:
                 state[n:] -= 2.0 * (a[j] @ state[n:]) / (a[j] @ mass @ a[j]) * (mass @ a[j])
     return state
+
+
+def two_arcs(k, s, g, energy):
+    """Return the period of a mass of 1 on a spring k before a spring s behind a gap; s infinite: a rigid stop."""
+    # free: amplitude sqrt(2 E/k) at sqrt(k); in contact: sqrt(k + s), about the equilibrium s g/(k + s)
+    free, away = math.sqrt(k), math.sqrt(2.0 * energy / k)
+    period = (2.0 * math.pi - 2.0 * math.acos(g / away)) / free
+    if math.isfinite(s):
+        pressed, middle = math.sqrt(k + s), s * g / (k + s)
+        period += 2.0 * math.atan2(math.sqrt(2.0 * energy - k * g * g) / pressed, g - middle) / pressed
+    return period
+
+
+def pair(kinds, sides=(1, 1), coupling=0.3):
+    """Return two masses of 1 on springs of 1, coupled by a spring, each before a stop at its side."""
+    springs = (1.0 + coupling) * np.eye(2) - coupling * np.eye(2)[::-1]
+    stops = [
+        vi.Stop(direction=side * row, gap=0.1, **kind) for row, side, kind in zip(np.eye(2), sides, kinds, strict=True)
+    ]
+    return vi.ImpactSystem(mass=np.eye(2), stiffness=springs, stops=stops)
 
 
 def between_events(orbit):
@@ -98,15 +119,54 @@ def test_a_mass_before_a_spring_has_the_published_frequencies(energy, frequency)
 
 def test_the_frequency_of_a_mass_before_a_spring_is_that_of_its_two_arcs():
     for energy in (5.1e-4, 2e-3, 0.5):
-        m, k, s, g = 1.0, 10.0, 50.0, 0.01
-        # free: amplitude sqrt(2 E/k) at sqrt(k/m); in contact: sqrt(k + s), about the equilibrium s g/(k + s)
-        free, away = math.sqrt(k / m), math.sqrt(2.0 * energy / k)
-        pressed, middle = math.sqrt((k + s) / m), s * g / (k + s)
-        speed = math.sqrt(2.0 * energy - k * g * g)
-        period = (2.0 * math.pi - 2.0 * math.acos(g / away)) / free
-        period += 2.0 * math.atan2(speed / pressed, g - middle) / pressed
         (orbit,) = vi.find_orbit(ONE, energy=energy)
-        assert orbit.period == pytest.approx(period, rel=1e-12)
+        assert orbit.period == pytest.approx(two_arcs(10.0, 50.0, 0.01, energy), rel=1e-12)
+
+
+@pytest.mark.parametrize("energy", [0.0101, 0.1, 6.0])
+@pytest.mark.parametrize(("sides", "mode", "k"), [((1, 1), 1, 1.0), ((1, -1), 2, 1.6)])
+@pytest.mark.parametrize("kind", [{"stiffness": 5.0}, {"restitution": 1.0}])
+def test_two_equal_masses_that_reach_their_stops_together_move_like_one(sides, mode, k, kind, energy):
+    """In phase the spring between them is at rest; as mirror images, its middle is."""
+    (orbit,) = vi.find_orbit(pair([kind] * 2, sides), energy=k * energy, mode=mode)
+    assert orbit.period == pytest.approx(two_arcs(k, kind.get("stiffness", math.inf), 0.1, 0.5 * k * energy), rel=1e-12)
+    assert orbit.admissible
+    assert sorted(orbit.stops) == ["stop_1", "stop_2"]
+    assert orbit.velocities[0] == pytest.approx(orbit.velocities[1], rel=1e-12)
+
+
+def test_stops_with_one_gap_push_a_mass_like_one_stop_with_the_sum_of_their_stiffnesses():
+    stops = [vi.Stop(direction=1, gap=0.1, stiffness=k) for k in (1.0, 3.0, 7.0)]
+    opposite = [vi.Stop(direction=-1, gap=0.1, stiffness=k) for k in (3.0, 7.0, 1.0)]
+    for energy in (0.0051, 3.0):
+        (orbit,) = vi.find_orbit(vi.ImpactSystem(mass=1.0, stiffness=1.0, stops=stops), energy=energy)
+        assert orbit.period == pytest.approx(two_arcs(1.0, 11.0, 0.1, energy), rel=1e-12)
+        (orbit,) = vi.find_orbit(vi.ImpactSystem(mass=1.0, stiffness=1.0, stops=stops + opposite), energy=energy)
+        one_sided = two_arcs(1.0, 11.0, 0.1, energy)
+        assert orbit.period == pytest.approx(2.0 * one_sided - 2.0 * math.pi, rel=1e-12)
+        assert orbit.symmetric
+
+
+@pytest.mark.parametrize("kinds", [[{"stiffness": 5.0}] * 2, [{"stiffness": 5.0}, {"stiffness": 9.0}]])
+def test_stops_touched_together_at_first_leave_an_orbit_that_closes_with_its_multipliers(kinds):
+    (orbit,) = vi.find_orbit(pair(kinds), energy=0.04)
+    q, speed = between_events(orbit)
+    start, columns = np.append(q, speed), []
+    assert integrated(orbit.system, q, speed, orbit.period) == pytest.approx(start, abs=1e-10)
+    for step in 1e-5 * np.eye(4):
+        ends = [integrated(orbit.system, *np.split(start + sign * step, 2), orbit.period) for sign in (1.0, -1.0)]
+        columns.append((ends[0] - ends[1]) / 2e-5)
+    assert np.trace(columns) == pytest.approx(orbit.trace, rel=1e-4, abs=1e-4)
+
+
+def test_rigid_stops_struck_together_are_named_if_their_order_matters():
+    stops = [
+        vi.Stop(direction=[1.0, side], gap=0.1, restitution=1.0, name=name)
+        for side, name in ((0.7, "left"), (-0.7, "right"))
+    ]
+    found = vi.find_orbit(vi.ImpactSystem(mass=np.eye(2), stiffness=np.diag([1.0, 2.0]), stops=stops), energy=0.1)
+    assert not found
+    assert "'left' and 'right' are struck at the same instant" in found.message
 
 
 @pytest.mark.parametrize("energy", [0.126, 0.5, 20.0])

@@ -173,7 +173,7 @@ def continue_orbit(
         down, up = both_ways(directions, report)
     special = [special.bifurcation(parameter) for special in down.special[::-1] + up.special]
     orbits = [p.orbit for p in down.points[:0:-1] + up.points]
-    message = course("branch", orbits, (parameter,), (down.end, up.end))
+    message = "; ".join([course("branch", orbits, (parameter,), (down.end, up.end)), *filter(None, (down.why, up.why))])
     inadmissible = sum(not orbit.admissible for orbit in orbits)
     if inadmissible:
         message += f"; {inadmissible} of {len(orbits)} orbits are inadmissible (they penetrate the stop)"

@@ -13,7 +13,7 @@ from vibroimpact.continuation.equations import Range
 from vibroimpact.continuation.following import MOST_POINTS, Way
 from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.orbits.systems.conserved import Member, member_of, misses
-from vibroimpact.orbits.systems.nonlinear_modes import follow, located
+from vibroimpact.orbits.systems.free_families import follow, located
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,8 @@ def along_energy(orbit: Any, ends: Range, longest: float, direction: float) -> I
     first = member_of(orbit)
     before = replace(first, tangent=direction * first.tangent)
     way = Way([_Free(before, orbit.system)])
-    for after, end in follow(before, longest, *ends, MOST_POINTS):
-        way.end = end or "budget"
+    for after, end, why in follow(before, longest, *ends, MOST_POINTS):
+        way.end, way.why = end or "budget", why
         if after is before:
             break
         for kind in before.tests:

@@ -38,7 +38,10 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
             return f"impact {number} would have velocity {velocity:.3g} m/s, away from {name!r}"
         if event.kind == PUSH_AGAIN and flow.clearance(event.stop, states[i], flow.drive(angles[i]))[0] > 0.0:
             return f"after impact {number} {name!r} would push again before contact begins"
+    tied = cycle.tied(unknown)
     for i, event in enumerate(cycle.events):
+        if tied[i]:
+            continue
         leg, number = cycle.leg(unknown, i), sum(at <= i for at in cycle.impacts)
         places = sum(steps for *_, steps in places_of(leg))
         if places > MOST_SAMPLES:
@@ -47,7 +50,8 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
         after, drive = np.split(leg.start, [2 * flow.n])
         if flow.restitution[event.stop] == 0.0 and flow.clearance(event.stop, after, drive, leg.pushing)[2] < 0.0:
             return f"after impact {number} the system comes to rest at {names[event.stop]!r}"
-        penetration = _first_beyond(*flown(cycle, unknown, i), event.stop, cycle.event_after(i).stop)
+        ends = cycle.together(unknown, i), cycle.together(unknown, i + 1)
+        penetration = _first_beyond(*flown(cycle, unknown, i), *ends)
         if penetration is not None:
             angle, other, depth = penetration
             if depth == 0.0:
@@ -86,14 +90,16 @@ def flown(cycle: Cycle, unknown: Floats, i: int) -> tuple[Leg, list[Course]]:
     return flown_leg
 
 
-def _first_beyond(leg: Leg, courses: list[Course], beginning: int, ending: int) -> tuple[float, int, float] | None:
+def _first_beyond(
+    leg: Leg, courses: list[Course], beginning: set[int], ending: set[int]
+) -> tuple[float, int, float] | None:
     """Return the first penetration of a stop, or pulling force, in a leg: angle since its begin, stop, depth.
 
-    If another stop is reached at the end of the leg as well, the depth there is 0.
+    Stops with an event at its beginning and at its end are given. If another is reached at the end, the depth is 0.
     """
     firsts, penetrations = [], []
     for course in courses:
-        gaps, ends = course.gaps.copy(), [at for at, stop in ((0, beginning), (-1, ending)) if stop == course.stop]
+        gaps, ends = course.gaps.copy(), [at for at, stops in ((0, beginning), (-1, ending)) if course.stop in stops]
         gaps[ends] = np.maximum(gaps[ends], 0.0)
         places, depths = np.append(course.places, course.angles), -np.append(course.lowest, gaps)
         beyond = depths > ROUNDING * course.size
@@ -103,7 +109,7 @@ def _first_beyond(leg: Leg, courses: list[Course], beginning: int, ending: int) 
             penetrations.append(
                 (float(places[deepest]), course.stop, float(depths[deepest] * leg.flow.lengths[course.stop]))
             )
-        elif course.stop != ending and gaps[-1] <= ROUNDING * course.size and course.closing:
+        elif course.stop not in ending and gaps[-1] <= ROUNDING * course.size and course.closing:
             firsts.append(leg.duration)
             penetrations.append((leg.duration, course.stop, 0.0))
     return penetrations[int(np.argmin(firsts))] if penetrations else None
@@ -116,12 +122,16 @@ def nearest_of(cycle: Cycle, unknown: Floats) -> tuple[int, float, float, int, f
     this approach, and the smallest relative clearance of any stop at an event of another stop.
     """
     nearest, beside = (0, math.nan, math.inf, 0), math.inf
+    tied = cycle.tied(unknown)
     for i, angle in enumerate(unknown[: len(cycle.events)]):
+        if tied[i]:
+            continue
+        ending = cycle.together(unknown, i + 1)
         for course in flown(cycle, unknown, i)[1]:
             if len(course.lowest) and course.lowest.min() / course.size < nearest[2]:
                 at = int(np.argmin(course.lowest))
                 nearest = i, float(angle + course.places[at]), float(course.lowest[at] / course.size), course.stop
-            if course.stop != cycle.event_after(i).stop:
+            if course.stop not in ending:
                 beside = min(beside, float(course.gaps[-1] / course.size))
     return *nearest, beside
 

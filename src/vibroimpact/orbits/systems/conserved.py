@@ -14,6 +14,7 @@ with an orthonormal basis B of the directions normal to x' and g.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -30,6 +31,7 @@ from vibroimpact.orbits.systems.symmetry import mirror
 
 CORRECTIONS = 10  # per orbit, at most
 CLOSE = 1e-10  # relative correction after which Newton's method has converged to rounding
+ROUGH = 1e-7  # the same for corrections that no longer become smaller, near grazes and where families meet
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,24 +148,37 @@ def corrected(
     None if Newton's method does not converge.
     """
     aim: Any = row @ z if target is None else target
-    columns, p = sizes(cycle, z), len(cycle.events)
+    before = math.inf
     for number in range(1, CORRECTIONS + 1):
-        residuals, matrix = misses(cycle, z)
-        whole = np.vstack([matrix, row]) * columns
-        rows = np.abs(whole).max(axis=1)
-        if not (np.isfinite(whole).all() and rows.all()):
+        after = correction(cycle, z, row, aim)
+        if after is None:
             return None
-        try:
-            correction = np.linalg.solve(whole / rows[:, None], np.append(residuals, row @ z - aim) / rows)
-        except np.linalg.LinAlgError:
-            return None
-        z = z - columns * correction
-        largest = float(np.abs(correction).max())
-        if largest < CLOSE:
+        z, largest, matrix = after
+        if largest < CLOSE or 0.5 * before < largest < ROUGH:
             return z, number, matrix
-        if not largest < 1.0 or z[-2] <= 0.0 or z[-1] <= 0.0 or (np.diff(z[:p]) < -z[-2]).any():
-            return None
+        before = largest
     return None
+
+
+def correction(cycle: FreeCycle, z: Floats, row: Floats, target: float) -> tuple[Floats, float, Floats] | None:
+    """Return z after one correction, which is how large relative to the size of each unknown, and the Jacobian before.
+
+    None if it leads too far.
+    """
+    columns, p = sizes(cycle, z), len(cycle.events)
+    residuals, matrix = misses(cycle, z)
+    whole = np.vstack([matrix, row]) * columns
+    rows = np.abs(whole).max(axis=1)
+    if not (np.isfinite(whole).all() and rows.all()):
+        return None
+    try:
+        change = np.linalg.solve(whole / rows[:, None], np.append(residuals, row @ z - target) / rows)
+    except np.linalg.LinAlgError:
+        return None
+    z, largest = z - columns * change, float(np.abs(change).max())
+    if not largest < 1.0 or z[-2] <= 0.0 or z[-1] <= 0.0 or (np.diff(z[:p]) < -z[-2]).any():
+        return None
+    return z, largest, matrix
 
 
 def member(cycle: FreeCycle, z: Floats, matrix: Floats, along: Floats) -> Member:

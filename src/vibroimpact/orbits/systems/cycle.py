@@ -42,6 +42,8 @@ from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event, Pushing
 from vibroimpact.orbits.systems.flow import Flow
 
+TIED = 1e-9  # radians of the fastest rate: events of different stops that are this close happen at the same time
+
 
 class Leg(NamedTuple):
     """The motion between two events: state and drive just after the first, and the stops that push.
@@ -194,8 +196,25 @@ class Cycle:
         return newton.solve(self.linearised, unknown, (misses, np.append(angles, misses[p:])), self.in_order, close)
 
     def in_order(self, unknown: Floats) -> bool:
-        """Whether the events follow one another, the first of the next cycle included."""
-        return bool((np.diff(self.angles(unknown)) > 0.0).all())
+        """Whether the events follow one another, the first of the next cycle included, or happen at the same time."""
+        return bool(((np.diff(self.angles(unknown)) > 0.0) | self.tied(unknown)).all())
+
+    def tied(self, unknown: Floats) -> NDArray[np.bool_]:
+        """Return whether each event happens at the same time as the next, on another stop, in whichever order."""
+        following = (*self.events[1:], self.next_events[0])
+        commute = [self.flow.commute(one.stop, other.stop) for one, other in zip(self.events, following, strict=True)]
+        tied: NDArray[np.bool_] = (np.abs(np.diff(self.angles(unknown))) <= TIED / self.fastest) & commute
+        return tied
+
+    def together(self, unknown: Floats, i: int) -> set[int]:
+        """Return the stops that have an event at the time of event i; event p is the first of the next cycle."""
+        events, tied = self.next_events + self.events + self.next_events, np.tile(self.tied(unknown), 3)
+        first = last = len(self.events) + i
+        while tied[first - 1]:
+            first -= 1
+        while tied[last]:
+            last += 1
+        return {event.stop for event in events[first : last + 1]}
 
     def misses(self, unknown: Floats) -> Floats:
         """Return the residuals: the levels at the events, then the closure error of the cycle."""

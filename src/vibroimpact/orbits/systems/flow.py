@@ -32,6 +32,7 @@ from vibroimpact.matrices import block_matrix, growth
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.systems.events import GRAZE, IMPACT, LET_GO, Event, Pushing
 
+ORTHOGONAL = 1e-12  # largest cosine between directions of stops whose impacts do not affect one another
 KEPT = 64  # flights cached: those of one cycle, while its equations are differentiated and its orbit is built
 
 
@@ -57,6 +58,7 @@ class Flow:
         form = system.modal()
         self.n, self.omega, self.restitution = len(form.squares), form.omega, form.restitution
         self.compliant = np.array([not stop.element.instantaneous for stop in system.stops], bool)
+        self.names = system.stop_names
         self.elements = [stop.element for stop in system.stops]
         roots, self.orders = np.sqrt(form.masses), form.orders.astype(float)
         self.neutral: Any = form.neutral.ravel()  # components of the state: position and drift of a free centre
@@ -189,6 +191,11 @@ class Flow:
     def contact(self, stop: int) -> tuple[Event, ...]:
         """Return the events of one contact: an impact and, if contacts last, the end of the force."""
         return (Event(stop), Event(stop, LET_GO))[: 1 + self.compliant[stop]]
+
+    def commute(self, stop: int, other: int) -> bool:
+        """Whether events of two stops at the same time have the same effect in either order."""
+        lasting = self.compliant[stop] and self.compliant[other]
+        return stop != other and bool(lasting or abs(self.beta[stop] @ self.beta[other]) <= ORTHOGONAL)
 
     def after(self, event: Event, pushing: Pushing) -> Pushing:
         """Return the stops that push after an event, given those that pushed before."""
