@@ -31,6 +31,7 @@ from vibroimpact.orbits.systems.symmetry import mirror
 
 CORRECTIONS = 10  # per orbit, at most
 CLOSE = 1e-10  # relative correction after which Newton's method has converged to rounding
+NONE: Floats = np.zeros(0)
 ROUGH = 1e-7  # the same for corrections that no longer become smaller, near grazes and where families meet
 
 
@@ -141,16 +142,16 @@ def sizes(cycle: FreeCycle, z: Floats) -> Floats:
 
 
 def corrected(
-    cycle: FreeCycle, z: Floats, row: Floats, target: float | None = None
+    cycle: FreeCycle, z: Floats, row: Floats, target: float | None = None, kept: Floats = NONE
 ) -> tuple[Floats, int, Floats] | None:
     """Return the solution near z with row . z as given (or its own), the number of corrections, and the Jacobian.
 
-    None if Newton's method does not converge.
+    The linear forms `kept` are 0 in it. None if Newton's method does not converge.
     """
     aim: Any = row @ z if target is None else target
     before = math.inf
     for number in range(1, CORRECTIONS + 1):
-        after = correction(cycle, z, row, aim)
+        after = correction(cycle, z, row, aim, kept)
         if after is None:
             return None
         z, largest, matrix = after
@@ -160,19 +161,24 @@ def corrected(
     return None
 
 
-def correction(cycle: FreeCycle, z: Floats, row: Floats, target: float) -> tuple[Floats, float, Floats] | None:
+def correction(
+    cycle: FreeCycle, z: Floats, row: Floats, target: float, kept: Floats = NONE
+) -> tuple[Floats, float, Floats] | None:
     """Return z after one correction, which is how large relative to the size of each unknown, and the Jacobian before.
 
     None if it leads too far.
     """
     columns, p = sizes(cycle, z), len(cycle.events)
     residuals, matrix = misses(cycle, z)
+    if kept.size:
+        residuals, matrix = np.append(residuals, kept @ z), np.vstack([matrix, kept])
     whole = np.vstack([matrix, row]) * columns
     rows = np.abs(whole).max(axis=1)
     if not (np.isfinite(whole).all() and rows.all()):
         return None
     try:
-        change = np.linalg.solve(whole / rows[:, None], np.append(residuals, row @ z - target) / rows)
+        scaled, right = whole / rows[:, None], np.append(residuals, row @ z - target) / rows
+        change = np.linalg.lstsq(scaled, right)[0] if kept.size else np.linalg.solve(scaled, right)
     except np.linalg.LinAlgError:
         return None
     z, largest = z - columns * change, float(np.abs(change).max())

@@ -16,6 +16,7 @@ from vibroimpact.orbits.systems.grazes import (
     followed,
     gained,
     recast,
+    reversal,
     reversible,
     shed,
     solved,
@@ -48,7 +49,8 @@ def follow(
     changes: list[tuple[Member, Member]] = []
     for _ in range(most):
         columns = sizes(current.cycle, current.z)
-        done = corrected(current.cycle, current.z + step * columns * current.tangent, current.tangent / columns)
+        ahead, kept = current.z + step * columns * current.tangent, reversal(current)
+        done = corrected(current.cycle, ahead, current.tangent / columns, None, kept)
         following = None
         if done is not None:
             following = member(current.cycle, done[0], done[2], current.tangent * columns)
@@ -94,13 +96,13 @@ def follow(
 
 
 def doubled(one: Member, other: Member) -> Member | None:
-    """Return the orbit between two whose cycle is twice the cycle of another family, if there is one."""
+    """Return the orbit between two whose cycle is twice that of another family, or the nearest, if there is one."""
     at, same = len(one.cycle.events) // 2, one.cycle.events == other.cycle.events
     twice = one.cycle.events[at:] + one.cycle.next_events[:at] == one.cycle.events
     first = _halves(one)
     if not (at and same and twice and float(first @ _halves(other)) < 0.0):
         return None
-    return between(one, other, lambda each: float(first @ _halves(each)))
+    return between(one, other, lambda each: float(first @ _halves(each))) or other
 
 
 def _halves(one: Member) -> Floats:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.systems.admissibility import flown, objection
-from vibroimpact.orbits.systems.conserved import FreeCycle, Member, corrected, correction, member, misses, sizes
+from vibroimpact.orbits.systems.conserved import NONE, FreeCycle, Member, corrected, correction, member, misses, sizes
 from vibroimpact.orbits.systems.events import Event
 from vibroimpact.orbits.systems.guesses import occurrences
 
@@ -151,9 +152,31 @@ def _groups(one: Member) -> list[frozenset[Event]]:
 
 def reversible(one: Member) -> bool:
     """Whether the times between events are the same in reverse, as those of a motion that is its own reversal."""
+    return _center(one) is not None
+
+
+def _center(one: Member) -> Any:
+    """Return the indices of the times between events in reverse, from the one on that makes them the same."""
     times = np.diff(one.at.angles(one.unknown))
-    close = REVERSED * float(times.sum())
-    return any(bool(np.abs(np.roll(times[::-1], at) - times).max() <= close) for at in range(len(times)))
+    for at in range(len(times)):
+        back = np.roll(np.arange(len(times))[::-1], at)
+        if np.abs(times[back] - times).max() <= REVERSED * float(times.sum()):
+            return back
+    return None
+
+
+def reversal(one: Member) -> Floats:
+    """Return the linear forms that are 0 as long as the times between events are the same in reverse.
+
+    Near resonances of high order, orbits of other families that are not their own reversals come very close.
+    """
+    back, p = _center(one), len(one.cycle.events)
+    if back is None:
+        return NONE
+    times = np.diff(np.eye(p + 1, len(one.z)), axis=0)
+    times[-1, p], times[-1, [0, -2]] = 0.0, (1.0, one.at.length / one.at.span)
+    forms: Floats = (times - times[back])[np.arange(p) < back]
+    return forms
 
 
 def gained(passed: Member) -> Member | None:

@@ -25,6 +25,8 @@ from vibroimpact.parameters import counted, hertz, invalid, real_number, whole_n
 from vibroimpact.progress import reporter
 
 TIED = 1e-9  # relative: stops that a mode touches at amplitudes this close are touched together
+SHORTER = 0.1  # of a first contact or impact that is no orbit's: the next one tried
+SMALLEST = 1e-6  # radians: shortest one tried
 BEYOND = 1.05  # of the energy of the first contact: beyond it, orbits of less energy are not sought
 
 
@@ -130,10 +132,10 @@ def born(system: ImpactSystem, at: int, size: float = BORN) -> Member | None:
     else:
         row[p + flow.n : -2] = flow.beta[stop]
     done = corrected(cycle, z, row)
-    if done is None:
-        return None
-    found = member(cycle, done[0], done[2], row)
-    return found if followed(found) else recast(found, LONGEST)
+    found = None if done is None else member(cycle, done[0], done[2], row)
+    if found is not None and not followed(found):
+        found = recast(found, LONGEST)
+    return born(system, at, SHORTER * half) if found is None and half > SMALLEST else found
 
 
 def _unclear(flow: Flow, touched: Sequence[int]) -> str:
