@@ -226,6 +226,24 @@ def test_a_family_is_followed_beyond_grazes_at_which_contacts_vanish(seed, facto
     assert end == pytest.approx(np.append(q, speed), rel=0.0, abs=1e-11 * orbit.spectral_radius)
 
 
+def test_a_family_that_meets_orbits_of_half_its_period_ends_there_and_the_message_says_so():
+    springs = [[3.5, -1.9, 0.0], [-1.9, 2.22, -0.32], [0.0, -0.32, 0.32]]
+    stops = [vi.Stop(direction=[-1, 1, 0], gap=0.46, stiffness=5.4)]
+    system = vi.ImpactSystem(mass=np.diag([1.4, 1.5, 0.85]), stiffness=springs, stops=stops)
+    contact = first_contact(system, 1)
+    found = vi.find_orbit(system, energy=1.33 * contact, mode=1)
+    assert not found
+    assert "with energies from 0.4363558 to 0.9598041 J" in found.message
+    assert "half its cycle is an orbit" in found.message
+    (orbit, *_) = vi.find_orbit(system, energy=0.999 * contact, mode=1)
+    branch = vi.continue_orbit(orbit, "energy", (0.1 * contact, 1.33 * contact), step=0.1)
+    assert branch.outcome == ("period_doubling", "grazing")
+    assert branch.values.max() == pytest.approx(0.9598041, abs=1e-7)
+    q, speed = between_events(branch.orbits[0])
+    half = integrated(system, q, speed, 0.5 * branch.orbits[0].period)
+    assert half == pytest.approx(np.append(q, speed), abs=1e-9)
+
+
 def test_a_search_for_an_energy_shows_how_many_orbits_it_has_followed(monkeypatch):
     seen = []
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)

@@ -113,7 +113,9 @@ def continue_orbit(
     multipliers other than the two that are 1 show internal resonances: where a pair meets at 1, the branch folds or
     others cross it; where a pair meets at -1, a period doubling is listed (a pitchfork for a symmetric orbit, whose
     half map is used). Contacts appear and disappear without a special point. The branch ends as "grazing" where its
-    last contact vanishes, at the linear mode, or where no orbit is found beyond a graze.
+    last contact vanishes, at the linear mode, or where no orbit is found beyond a graze, and as "period_doubling" at an
+    orbit whose cycle is twice that of another family, beyond which the same orbits come again; `message` has the
+    details.
 
     References
     ----------

@@ -122,10 +122,12 @@ def find_orbit(
     so two multipliers are 1: such a motion is periodic, one of a continuum, and attracts no other. The others come in
     pairs with the product 1. Just above the first contact they are exp(2 pi i f_j/f) of the other modes; where a pair
     meets at 1 or -1, another mode is in internal resonance. Without contact the motion is linear, and the error message
-    gives its frequency and the energy of the first contact. Stops that are touched at the same instant, and families
-    that wind through many grazes near an internal resonance, may leave the list empty; `message` then gives the
-    energies that were reached. A search takes 0.1 to 1 s, near internal resonances up to 30 s, during which a line on
-    the error stream of a terminal shows how many orbits have been followed (at most 500).
+    gives its frequency and the energy of the first contact. Stops may be touched at the same instant, except rigid ones
+    whose impacts affect one another: then the motion depends on their order. Some families end below the energy, most
+    of them near an internal resonance, at an orbit of half the period, beyond which the same orbits come again. The
+    list is then empty, and `message` gives the energies of the family and why it ended. A search takes 0.1 to 1 s, near
+    internal resonances up to a minute, during which a line on the error stream of a terminal shows how many orbits have
+    been followed (at most 1000).
 
     References
     ----------

@@ -8,7 +8,7 @@ import numpy as np
 
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.systems.admissibility import objection
-from vibroimpact.orbits.systems.conserved import Member, corrected, member, misses, sizes
+from vibroimpact.orbits.systems.conserved import NONE, Member, corrected, member, misses, sizes
 from vibroimpact.orbits.systems.grazes import (
     BORN,
     alike,
@@ -96,13 +96,15 @@ def follow(
 
 
 def doubled(one: Member, other: Member) -> Member | None:
-    """Return the orbit between two whose cycle is twice that of another family, or the nearest, if there is one."""
+    """Return the orbit between two whose cycle is twice that of another family, if there is one."""
     at, same = len(one.cycle.events) // 2, one.cycle.events == other.cycle.events
     twice = one.cycle.events[at:] + one.cycle.next_events[:at] == one.cycle.events
-    first = _halves(one)
-    if not (at and same and twice and float(first @ _halves(other)) < 0.0):
+    if not (at and same and twice):
         return None
-    return between(one, other, lambda each: float(first @ _halves(each))) or other
+    first, second = _halves(one), _halves(other)
+    if float(first @ second) > -STRAIGHT * float(np.linalg.norm(first) * np.linalg.norm(second)) or not first.any():
+        return None
+    return between(one, other, lambda each: float(first @ _halves(each)))
 
 
 def _halves(one: Member) -> Floats:
@@ -193,12 +195,12 @@ def between(a: Member, b: Member, test: Callable[[Member], float]) -> Member | N
     for _ in range(HALVINGS):
         share = low + above / (above - below) * (high - low)
         if start.cycle.events == b.cycle.events:
-            base, z = start, start.z + share * (b.z - start.z)
+            base, z, kept = start, start.z + share * (b.z - start.z), reversal(start)
         else:
             base = start if share < 0.5 else b
-            z = np.append(base.z[: len(base.cycle.events)], start.z[p:] + share * chord)
+            z, kept = np.append(base.z[: len(base.cycle.events)], start.z[p:] + share * chord), NONE
         aim = chord / columns**2
-        found = solved(base.cycle, z, aim, float(aim @ (start.z[p:] + share * chord)))
+        found = solved(base.cycle, z, aim, float(aim @ (start.z[p:] + share * chord)), kept)
         if found is None:
             return None
         value = test(found)

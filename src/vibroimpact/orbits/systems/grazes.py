@@ -47,6 +47,8 @@ def begun(one: Member, first: int) -> Member:
 
 def beside(one: Member, other: Member) -> Member | None:
     """Return an orbit from the event on at which its state is nearest to that of another orbit; None if it has none."""
+    if one.cycle is other.cycle:
+        return one
     p, q, events = len(one.cycle.events), len(other.cycle.events), one.cycle.events
     states = one.at.states(one.unknown)[:p]
     alike = [at for at in one.cycle.impacts if events[at] == other.cycle.events[0]]
@@ -85,7 +87,7 @@ def rigid_impacts(one: Member) -> int:
     return sum(not one.cycle.flow.compliant[event.stop] for event in one.cycle.events)
 
 
-def solved(cycle: FreeCycle, z: Floats, aim: Floats, target: float) -> Member | None:
+def solved(cycle: FreeCycle, z: Floats, aim: Floats, target: float, kept: Floats = NONE) -> Member | None:
     """Return the orbit near z whose state, Theta and E give `target` in the direction `aim`.
 
     The motion depends smoothly on the state, also where contacts with compliant stops begin, vanish or change places.
@@ -94,7 +96,7 @@ def solved(cycle: FreeCycle, z: Floats, aim: Floats, target: float) -> Member | 
     for _ in range(RETRACED + 1):
         p = len(cycle.events)
         row = np.append(np.zeros(p), aim)
-        done = corrected(cycle, z, row, target)
+        done = corrected(cycle, z, row, target, kept)
         if done is not None:
             found = member(cycle, done[0], done[2], row * sizes(cycle, done[0]) ** 2)
             if followed(found):
@@ -103,7 +105,7 @@ def solved(cycle: FreeCycle, z: Floats, aim: Floats, target: float) -> Member | 
         traced = None if after is None else retraced(cycle, after[0])
         if traced is None:
             return None
-        cycle, z = traced
+        (cycle, z), kept = traced, NONE
     return None
 
 

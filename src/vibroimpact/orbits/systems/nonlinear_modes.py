@@ -90,7 +90,7 @@ def find_of_energy(design: Any, energy: Any, mode: Any) -> Orbits[SystemOrbit]:
     elif crossings:
         message = f"the family of mode {at + 1} passes {joules:.7g} J at a graze where no orbit was found"
     else:
-        energies = f"with energies from {least:.7g} to {most:.7g} J, was followed up to {before.joules:.7g} J"
+        energies = f"with energies from {least:.7g} to {most:.7g} J, was followed up to {before.joules:.4g} J"
         message = f"no orbit was found: the family of mode {at + 1}, {energies}: {why}"
     return Orbits(outcome="not_converged", message=message)
 
