@@ -197,13 +197,18 @@ class Cycle:
 
     def in_order(self, unknown: Floats) -> bool:
         """Whether the events follow one another, the first of the next cycle included, or happen at the same time."""
-        return bool(((np.diff(self.angles(unknown)) > 0.0) | self.tied(unknown)).all())
+        later = np.diff(self.angles(unknown)) > 0.0
+        return bool(later.all() or (later | self.tied(unknown)).all())
 
     def tied(self, unknown: Floats) -> NDArray[np.bool_]:
         """Return whether each event happens at the same time as the next, on another stop, in whichever order."""
-        following = (*self.events[1:], self.next_events[0])
-        commute = [self.flow.commute(one.stop, other.stop) for one, other in zip(self.events, following, strict=True)]
-        tied: NDArray[np.bool_] = (np.abs(np.diff(self.angles(unknown))) <= TIED / self.fastest) & commute
+        latest = self.latest(unknown)
+        if "tied" not in latest:
+            close = np.abs(np.diff(self.angles(unknown))) <= TIED / self.fastest
+            for at in np.flatnonzero(close):
+                close[at] = self.flow.commute(self.events[at].stop, self.event_after(int(at)).stop)
+            latest["tied"] = close
+        tied: NDArray[np.bool_] = latest["tied"]
         return tied
 
     def together(self, unknown: Floats, i: int) -> set[int]:

@@ -30,10 +30,11 @@ GROWTH = 1.6  # of the step after an easy one
 RECAST = 3  # halvings of a step from one search for the events of the motion beyond a graze to the next
 MOST = 1000  # orbits followed in one direction, at most
 NEAR = 1e-6  # of the largest gap: a stop that is this close at an event of another is reached at the same time
-SAME = 1e-4  # relative: period and energy of two orbits at one graze
+SAME = 1e-6  # relative: period and energy of two orbits at one graze
 NEARLY = 0.02  # of a part of the cycle: parts that differ by less nearly repeat
 TIED = 1e-9  # relative: states that are this close are the same
 CLOSE = 1e-13  # of a step: where a test changes its sign between two orbits
+ROUGH = 0.1  # of the difference between two halves of a cycle: where they are so alike, families meet
 HALVINGS = 50  # in search of that place, at most
 
 
@@ -61,7 +62,7 @@ def follow(
                 beyond = following
                 following = recast(following, step) if halved % RECAST == 0 else None
                 if following is not None and alike(following, current):  # it would go back
-                    following = shed(beyond)
+                    following = shed(beyond, step)
                 elif following is not None and straight(current, following) < STRAIGHT:
                     following = None
                 if following is not None and reversible(current) and not reversible(following):
@@ -75,8 +76,8 @@ def follow(
         if following is None:
             step, halved = 0.5 * step, halved + 1
             if step < SHORTEST * longest:
-                following = (None if beyond is None else gained(beyond)) or shed(beyond or current)
-                if following is None:
+                following = (None if beyond is None else gained(beyond)) or shed(beyond or current, step)
+                if following is None or (reversible(current) and not reversible(following)):
                     yield current, *ended(current, beyond)
                     return
             else:
@@ -97,14 +98,13 @@ def follow(
 
 def doubled(one: Member, other: Member) -> Member | None:
     """Return the orbit between two whose cycle is twice that of another family, if there is one."""
-    at, same = len(one.cycle.events) // 2, one.cycle.events == other.cycle.events
-    twice = one.cycle.events[at:] + one.cycle.next_events[:at] == one.cycle.events
-    if not (at and same and twice):
+    (at, odd), same = divmod(len(one.cycle.events), 2), one.cycle.events == other.cycle.events
+    if odd or not same or one.cycle.events[at:] + one.cycle.next_events[:at] != one.cycle.events:
         return None
     first, second = _halves(one), _halves(other)
     if float(first @ second) > -STRAIGHT * float(np.linalg.norm(first) * np.linalg.norm(second)) or not first.any():
         return None
-    return between(one, other, lambda each: float(first @ _halves(each)))
+    return between(one, other, lambda each: float(first @ _halves(each)), ROUGH)
 
 
 def _halves(one: Member) -> Floats:
@@ -184,14 +184,18 @@ def located(kind: str, a: Member, b: Member) -> Member | None:
     return None if (a.tests[kind] > 0.0) == (b.tests[kind] > 0.0) else between(a, b, lambda one: one.tests[kind])
 
 
-def between(a: Member, b: Member, test: Callable[[Member], float]) -> Member | None:
-    """Return the orbit between two at which a test that has different signs at both is zero (Illinois method)."""
+def between(a: Member, b: Member, test: Callable[[Member], float], rough: float = 0.0) -> Member | None:
+    """Return the orbit between two at which a test that has different signs at both is zero (Illinois method).
+
+    Where families meet, Newton's method may not converge; a test that has fallen to a part `rough` then counts as zero.
+    """
     start = beside(a, b)
     if start is None:
         return None
     p, q = len(start.cycle.events), len(b.cycle.events)
     chord, columns = b.z[q:] - start.z[p:], sizes(b.cycle, b.z)[q:]
     low, high, above, below, last, found = 0.0, 1.0, test(a), test(b), 0, None
+    value = at_first = above
     for _ in range(HALVINGS):
         share = low + above / (above - below) * (high - low)
         if start.cycle.events == b.cycle.events:
@@ -200,9 +204,9 @@ def between(a: Member, b: Member, test: Callable[[Member], float]) -> Member | N
             base = start if share < 0.5 else b
             z, kept = np.append(base.z[: len(base.cycle.events)], start.z[p:] + share * chord), NONE
         aim = chord / columns**2
-        found = solved(base.cycle, z, aim, float(aim @ (start.z[p:] + share * chord)), kept)
+        before, found = found, solved(base.cycle, z, aim, float(aim @ (start.z[p:] + share * chord)), kept)
         if found is None:
-            return None
+            return before if abs(value) < rough * abs(at_first) else None
         value = test(found)
         if value == 0.0 or not low < share < high or high - low < CLOSE:
             break

@@ -20,6 +20,7 @@ LONGEST = 0.1  # longest step along the curve, relative to the size of each unkn
 SLOW = 1e-3  # of the largest speed: first impact on a rigid stop beyond a graze
 TOUCHED = 1e-6  # of its size: a smaller clearance at a graze is a contact
 BESIDE = (1e-5, 1e-4, 1e-3, 1e-2)  # of the size of each unknown: steps from a graze onto the orbits without a contact
+AROUND, MORE = 1e-4, 10.0  # of the size of each unknown, and of a step: farthest graze at which a contact vanishes
 ALIKE = 2.0  # times the lightest contact: lighter ones vanish with it, at once in an orbit that is its own reversal
 SHORTENED = 8  # halvings of the first contact beyond a graze, at most
 RETRACED = 3  # motions whose events are tried in search of an orbit, at most
@@ -226,11 +227,11 @@ def gained(passed: Member) -> Member | None:
     return None
 
 
-def shed(passed: Member) -> Member | None:
+def shed(passed: Member, step: float) -> Member | None:
     """Return the first orbit beyond a graze with one contact, or one gap in a contact, less.
 
     Where an orbit is its own reversal in time, two vanish at once. Of the two directions along the shorter equations,
-    the one is taken that the system can follow.
+    the one is taken that the system can follow. The unknowns change by little more than a step.
     """
     passed = turned(passed)
     cycle, unknown, flow = passed.at, passed.unknown, passed.cycle.flow
@@ -259,7 +260,7 @@ def shed(passed: Member) -> Member | None:
     beside = member(new, z, misses(new, z)[1], np.zeros(len(z)))
     columns = sizes(new, z)
     done = corrected(new, z, beside.tangent / columns)
-    if done is None or np.abs((done[0] - z) / columns).max() > LONGEST:
+    if done is None or np.abs((done[0] - z) / columns).max() > max(AROUND, MORE * step):
         return None
     graze = member(new, done[0], done[2], np.zeros(len(z)))
     for size in BESIDE:
