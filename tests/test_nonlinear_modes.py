@@ -226,6 +226,18 @@ def test_a_family_is_followed_beyond_grazes_at_which_contacts_vanish(seed, facto
     assert end == pytest.approx(np.append(q, speed), rel=0.0, abs=1e-11 * orbit.spectral_radius)
 
 
+@pytest.mark.long
+def test_a_family_is_followed_through_a_resonance_of_order_nine():
+    """Orbits that are not their own reversals in time lie so close that double precision does not tell them apart."""
+    stops = [vi.Stop(direction=[-0.53, -0.466], gap=0.328, stiffness=0.978)]
+    mass, springs = [[1.523, -0.748], [-0.748, 2.141]], [[6.159, 4.422], [4.422, 3.642]]
+    system = vi.ImpactSystem(mass=mass, stiffness=springs, stops=stops)
+    assert system.natural_frequencies[1] / system.natural_frequencies[0] == pytest.approx(9.0, abs=0.02)
+    (orbit,) = vi.find_orbit(system, energy=2.0 * first_contact(system, 1))
+    q, speed = between_events(orbit)
+    assert integrated(system, q, speed, orbit.period) == pytest.approx(np.append(q, speed), abs=1e-9)
+
+
 def test_a_family_that_meets_orbits_of_half_its_period_ends_there_and_the_message_says_so():
     springs = [[3.5, -1.9, 0.0], [-1.9, 2.22, -0.32], [0.0, -0.32, 0.32]]
     stops = [vi.Stop(direction=[-1, 1, 0], gap=0.46, stiffness=5.4)]
