@@ -243,7 +243,7 @@ def test_a_boundary_may_leave_the_motions_of_the_mass_and_says_so(doubling):
         ((("omega", "omega"), ((1, 3), (1, 3))), "two different parameters"),
         ((("omega", "frequency"), ((1, 3), (0.1, 3))), "two different parameters"),
         ((("omega", "mas"), ((1, 3), (0.1, 3))), "unknown parameter 'mas'"),
-        ((("omega", "mass"), ((1, 2), (0.1, 3))), "`range` must be .* holds"),
+        ((("omega", "mass"), ((1, 2), (0.1, 3))), "`range` must be .* contains"),
         ((("omega", "mass"), ((1, 3),)), "`ranges` must be two pairs"),
     ],
 )

@@ -173,7 +173,7 @@ def test_maps_of_other_shapes_are_refused_with_the_way_out():
             with pytest.raises(ValueError) as caught:  # noqa: PT011
                 draw(wrong)
             assert words in str(caught.value)
-    with pytest.raises(ValueError, match="`dataset` must be .* got 3 axes"):
+    with pytest.raises(ValueError, match="`dataset` must be .* got one over 3 axes"):
         plotting.default_kind(cube)
     assert plotting.default_kind(paraboloid()) == "index-contour"
 

@@ -417,7 +417,8 @@ def test_a_dip_between_two_looks_is_seen():
             rate = np.polynomial.Polynomial.fromroots([low, high]) * sign  # it rises through zero at one of them
             found = rate.integ(k=[1.0])
             a = tuple(np.pad(found.coef, (0, SIZE - len(found.coef))))
-            assert trough(a, 1.0, True, np.inf) == pytest.approx(found(high if sign > 0.0 else low), abs=1e-9)
+            place = high if sign > 0.0 else low
+            assert trough(a, 1.0, True, np.inf, 0.0) == pytest.approx((found(place), place), abs=1e-9)
 
 
 def test_the_closest_miss_is_the_least_clearance_between_impacts():

@@ -169,7 +169,7 @@ def _nearest(model: Model, first: _Hits, settled: Orbits[Any], longest: int) -> 
     nearest = min(CLOSE, *(_distance(orbit, first) for orbit in settled), math.inf)
     for back in first.returns(1, longest):
         found = _solved(model, first, back)
-        if found and _distance(found[0], first) < nearest:
+        if found and _distance(found[0], first) < (1.0 - ALIKE) * nearest:  # else it is the same orbit
             return found, True
     return settled, False
 
