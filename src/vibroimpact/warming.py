@@ -35,7 +35,9 @@ def one_mass() -> None:
 
 def maps_of_systems() -> None:
     """Run computations that need the kernels of maps of systems."""
-    vi.parameter_map(vi.models.impact_damper(), omega=[1.0, 2.0])
+    damper = vi.models.impact_damper()
+    vi.parameter_map(damper, omega=[1.0, 2.0])
+    vi.parameter_map(damper, omega=[1.0, 2.0], indices=["rms"], of=0)
 
 
 def motions_of_systems() -> None:

@@ -34,10 +34,8 @@ def force_law(rows, z, k, wide):
     return get(rows, k.spring + z, wide), get(rows, k.dashpot + z, wide)
 
 
-@inner(forceinline=True)
-def end_law(rows, z, k, wide):
-    """Return p and q of e, whose fall to zero ends a contact."""
-    return force_law(rows, z, k, wide)
+# p and q of e, whose fall to zero ends a contact.
+end_law = force_law
 
 
 @inner(forceinline=True)

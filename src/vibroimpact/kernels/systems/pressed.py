@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from vibroimpact.kernels.leaps import TURN
 from vibroimpact.kernels.machine import copy, inner, rare
-from vibroimpact.kernels.systems.elements import is_compliant
 from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.systems.march import AGAIN, HITS, STILL, WAITS
 
@@ -52,10 +51,7 @@ def same_contacts(a, b, k):
 @rare
 def is_pressed(rows, k):
     """Return whether a compliant stop is in contact, and one let go or pushed lately."""
-    pressed = False
-    for z in range(k.stops if rows[k.age] * rows[k.theta] <= LONGEST * TURN else 0):
-        pressed |= is_compliant(rows, z, k, None) and in_contact(rows, z, k)
-    return pressed
+    return rows[k.engaged] > 0.0 and rows[k.age] * rows[k.theta] <= LONGEST * TURN
 
 
 @rare
