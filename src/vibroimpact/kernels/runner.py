@@ -155,11 +155,11 @@ def run_cells(
                 harvest(lanes, i, notes[i], keep, results[j])
                 if facts is not None:
                     harvest_thoroughly(lanes, i, notes[i], facts[i], cell_of(cells[j]), keep, results[j], trace)
-                for row in range(finals.shape[1]):
-                    finals[j, row] = lanes[row * lane.LANES + i]
                 finished[number] = j
                 number += 1
                 owner[i] = -1
+                for row in range(finals.shape[1]):
+                    finals[j, row] = lanes[row * lane.LANES + i]
     return number, busy
 
 
