@@ -13,7 +13,7 @@ from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, impact_speed, plain_variable, status_variable, variable
 from vibroimpact.model import as_system
 from vibroimpact.model.balance import clearances
-from vibroimpact.model.elements import REPORTS, reports_of
+from vibroimpact.model.elements import REPORTS, Element, reports_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -71,12 +71,9 @@ def taken_by_stops(samples: Any, model: Any, impulses: Floats) -> dict[str, xr.V
 
 
 def impulses_of(oscillator: Any, speeds: Floats) -> dict[str, xr.Variable]:
-    """Return impulses and energies lost of impacts of one mass on its stop, at speeds in m/s."""
-    mass, r = oscillator.mass, oscillator.restitution
-    columns = dict(zip(("impulse", "energy_lost"), taken_by(mass, r, speeds), strict=True)) | {
-        "exit_velocity": r * speeds
-    }
-    return {name: variable(name, "impact", column) for name, column in columns.items()}
+    """Return what is reported for impacts of one mass on its stop, at speeds in m/s."""
+    columns = zip(Element.reports, taken_by(oscillator.mass, oscillator.restitution, speeds), strict=True)
+    return {name: variable(name, "impact", column) for name, column in columns}
 
 
 def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str], impulses: Floats | None = None) -> xr.Dataset:

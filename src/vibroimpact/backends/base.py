@@ -211,9 +211,8 @@ class SystemSamples:
     stops were struck at the same instant, the time in s from the impact to the end of its force, and the speed of
     separation there in m/s; for compliant stops (else NaN) the peak force in N, the time in s for which it pushed, the
     penetration in m, and the times in s from the impact to the largest force and penetration; for an unfinished contact
-    all but the speed are NaN. `look_*`: coordinates and velocities,
-    one row per sample. `rest_*`: the stop that closed, when it closed, and when it was released (NaN if it was not).
-    `last_*`: the final state, from which to continue.
+    all but the speed are NaN. `look_*`: coordinates and velocities, one row per sample. `rest_*`: the stop that closed,
+    when it closed, and when it was released (NaN if it was not). `last_*`: the final state, from which to continue.
     """
 
     impact_periods: Floats
@@ -338,6 +337,6 @@ def energy_loss(mass: float, restitution: float) -> float:
     return 0.5 * mass * (1.0 - restitution) * (1.0 + restitution)
 
 
-def taken_by(mass: float, restitution: float, speed: Any) -> tuple[Any, Any]:
-    """Return the impulse in N s and the energy lost in J of impacts of one mass at some speeds."""
-    return mass * (1.0 + restitution) * speed, energy_loss(mass, restitution) * speed**2
+def taken_by(mass: float, restitution: float, speed: Any) -> tuple[Any, Any, Any]:
+    """Return the impulse in N s, the energy lost in J and the exit velocity of impacts of one mass at some speeds."""
+    return mass * (1.0 + restitution) * speed, energy_loss(mass, restitution) * speed**2, restitution * speed

@@ -163,7 +163,7 @@ def _of_system(cell: SystemCells, oscillator: dict[str, float], ahead: float, mo
 
     impacts, speed = turned(motion.impact_periods, motion.impact_phase), motion.impact_velocity
     looks = turned(motion.look_periods, motion.look_phase)
-    impulse, lost = taken_by(oscillator["mass"], oscillator["restitution"], speed)
+    impulse, lost, away = taken_by(oscillator["mass"], oscillator["restitution"], speed)
     zeros, none = np.zeros(len(speed)), np.full(len(speed), np.nan)
     return SystemSamples(
         impact_periods=impacts[0],
@@ -177,7 +177,7 @@ def _of_system(cell: SystemCells, oscillator: dict[str, float], ahead: float, mo
         impact_duration=none,
         impact_depth=none,
         impact_exit=zeros,
-        impact_exit_velocity=oscillator["restitution"] * speed,
+        impact_exit_velocity=away,
         impact_peak=none,
         impact_deepest=none,
         look_periods=looks[0],
