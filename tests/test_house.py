@@ -82,7 +82,7 @@ def test_parameters_have_symbols_that_are_theirs_alone():
 
 
 KINDS = {
-    "ImpactOscillator", "ImpactSystem", "Orbit", "SystemOrbit", "Samples", "SystemSamples", "Cells", "SystemCells",
+    "ImpactOscillator", "ImpactSystem", "Orbit", "SystemOrbit", "Samples", "Cells", "SystemCells",
 }  # fmt: skip
 
 

@@ -159,6 +159,13 @@ class Cells:
         passed = y - self["gap"] > BEYOND * reach
         return self.at(np.minimum(y, self["gap"]), np.where(passed, np.minimum(speed, 0.0), speed), phases)
 
+    def continuing(self, motion: Any) -> Cells:
+        """Return the cell started where a sampled motion ended; one mass keeps its clearance, also at another gap."""
+        if math.isnan(motion.last_clearance):
+            return self.carried(motion.last_displacement, motion.last_velocity, motion.last_phase)
+        last = {"clearance": motion.last_clearance, "velocity": motion.last_velocity, "phase": motion.last_phase}
+        return self.replace(**last, periods=0.0)
+
     def beyond(self) -> Floats:
         """Return the depth in m of each initial condition beyond the stop, as one column; 0 in front of the stop."""
         return np.maximum(-self["clearance"], 0.0)[:, None]

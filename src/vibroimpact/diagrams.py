@@ -231,7 +231,7 @@ def _carried(
             return
         cell = cells[at : at + 1]
         if before is not None:
-            cell = before.carry_on(cell)
+            cell = cell.continuing(before)
             cells.table[at] = cell.table
         (samples,) = engine.samples(cell, measurement)
         before = None if samples.status == Status.BUDGET else samples
@@ -268,9 +268,10 @@ def _fill(table: dict[str, NDArray[Any]], section: str, at: int, samples: Any, c
         if "stop" in table:
             points["stop"] = samples.impact_stop
     else:
-        points = {"displacement": samples.look_displacement, "velocity": samples.look_velocity}
-        if samples.look_displacement.ndim > 1:
-            points = {name: values[:, coordinate] for name, values in points.items()}
+        points = {
+            "displacement": samples.look_displacement[:, coordinate],
+            "velocity": samples.look_velocity[:, coordinate],
+        }
     for name, column in points.items():
         table[name][at, : len(column)] = column
     table["count"][at] = len(column)

@@ -20,84 +20,84 @@ if TYPE_CHECKING:
 
     from vibroimpact.model.system import ImpactSystem
 
+# What only a model of several stops has, and the axes that one mass at one stop does not need.
+NAMED = {"stop", "clearance", "impact_stop", "stick_stop", "simultaneous"}
+ALONE = {"coordinate", "stop"}
+
 
 def in_seconds(model: Any, periods: Any, phase: Any) -> Any:
     """Return times in s from whole driving periods and phases."""
     return (periods + phase) * model.period
 
 
-def trajectory_of(samples: Any, model: Any) -> dict[str, xr.Variable]:
+def trajectory_of(samples: Any, design: Any) -> dict[str, xr.Variable]:
     """Return the variables of `simulate` except its status: coordinates and clearances over time, impacts and rests."""
-    dims = ("time", "coordinate")[: samples.look_displacement.ndim]
-    motion = {
-        "time": variable("time", "time", in_seconds(model, samples.look_periods, samples.look_phase)),
-        "displacement": variable("displacement", dims, samples.look_displacement),
-        "velocity": variable("velocity", dims, samples.look_velocity),
-    }
-    impacts = {
-        "impact_time": variable(
-            "impact_time", "impact", in_seconds(model, samples.impact_periods, samples.impact_phase)
-        ),
-        "impact_velocity": variable("impact_velocity", "impact", samples.impact_velocity),
-    }
-    if _is_plain(samples):
-        return motion | impacts | _rests(model, samples)
-    u = clearances(model, samples.look_displacement, 2.0 * np.pi * samples.look_phase)
-    stops = {
+    system, along = as_system(design), ("time", "coordinate")
+    impact_time = in_seconds(design, samples.impact_periods, samples.impact_phase)
+    u = clearances(system, samples.look_displacement, 2.0 * np.pi * samples.look_phase)
+    variables = {
+        "time": variable("time", "time", in_seconds(design, samples.look_periods, samples.look_phase)),
+        "displacement": variable("displacement", along, samples.look_displacement),
+        "velocity": variable("velocity", along, samples.look_velocity),
         "clearance": variable("clearance", ("time", "stop"), u),
-        "stop": plain_variable("stop", np.array(model.stop_names, str), {"long_name": "stop"}),
+        "stop": plain_variable("stop", np.array(system.stop_names, str), {"long_name": "stop"}),
+        "impact_time": variable("impact_time", "impact", impact_time),
+        "impact_velocity": variable("impact_velocity", "impact", samples.impact_velocity),
+        "impact_stop": _stops(system, "impact", samples.impact_stop, "stop that is struck"),
     }
-    contacts = {
-        "impact_stop": _stops(model, "impact", samples.impact_stop, "stop that is struck"),
-        **_contacts(model, samples),
-    }
-    return motion | stops | impacts | contacts | _rests(model, samples)
+    return of_one_mass(variables | _contacts(system, samples) | _rests(system, samples), design)
 
 
-def taken_by_stops(samples: Any, model: Any, impulses: Floats) -> dict[str, xr.Variable]:
+def taken_by_stops(samples: Any, design: Any, impulses: Floats) -> dict[str, xr.Variable]:
     """Return what stops take: forces over time, and the impulses of rests, which are given.
 
     The force of a rigid stop is that of a rest, and zero otherwise: an impact on it has an impulse but no force.
     """
-    system, turns = as_system(model), samples.look_periods + samples.look_phase
-    shape, rests = (len(turns), system.coordinates), Rests(samples, math.inf)
-    q, v = samples.look_displacement.reshape(shape), samples.look_velocity.reshape(shape)
-    forces = forces_at(system, rests, turns, q, v)
-    taken = {"stick_impulse": variable("stick_impulse", "stick", impulses)}
-    if _is_plain(samples):
-        speeds = samples.impact_velocity
-        return taken | {"force": variable("force", "time", forces[:, 0])} | impulses_of(model, speeds)
-    return taken | {"force": variable("force", ("time", "stop"), forces)}
+    turns = samples.look_periods + samples.look_phase
+    rests, motion = Rests(samples, math.inf), (samples.look_displacement, samples.look_velocity)
+    taken = {
+        "stick_impulse": variable("stick_impulse", "stick", impulses),
+        "force": variable("force", ("time", "stop"), forces_at(as_system(design), rests, turns, *motion)),
+    }
+    return of_one_mass(taken, design)
 
 
 def impulses_of(oscillator: Any, speeds: Floats) -> dict[str, xr.Variable]:
     """Return what is reported for impacts of one mass on its stop, at speeds in m/s."""
-    columns = zip(Element.reports, taken_by(oscillator.mass, oscillator.restitution, speeds), strict=True)
-    return {name: variable(name, "impact", column) for name, column in columns}
+    taken = taken_by(oscillator.mass, oscillator.restitution, speeds)
+    return {name: variable(name, "impact", getattr(taken, name)) for name in Element.reports}
 
 
-def labelled_impacts(samples: Any, model: Any, attrs: dict[str, str], impulses: Floats | None = None) -> xr.Dataset:
+def labelled_impacts(samples: Any, design: Any, attrs: dict[str, str], impulses: Floats | None = None) -> xr.Dataset:
     """Return the impacts in a window, as `impact_section` does: times, phases, stops, velocities and effects.
 
     `impulses` are those of the rests.
     """
+    system = as_system(design)
+    several = {"long_name": "whether other stops are struck at the same instant"}
     columns = {
-        "time": variable("time", "impact", in_seconds(model, samples.impact_periods, samples.impact_phase)),
-        "phase": phase_variable("impact", samples.impact_phase, model),
+        "time": variable("time", "impact", in_seconds(design, samples.impact_periods, samples.impact_phase)),
+        "phase": phase_variable("impact", samples.impact_phase, design),
         "velocity": impact_speed("impact", samples.impact_velocity),
+        **_contacts(system, samples),
+        "stop": _stops(system, "impact", samples.impact_stop, "stop that is struck"),
+        "simultaneous": plain_variable("impact", samples.impact_simultaneous, several),
+        **_rests(system, samples),
+        **({} if impulses is None else {"stick_impulse": variable("stick_impulse", "stick", impulses)}),
+        "status": status_variable((), samples.status),
     }
-    if not _is_plain(samples):
-        several = {"long_name": "whether other stops are struck at the same instant"}
-        columns |= {
-            **_contacts(model, samples),
-            "stop": _stops(model, "impact", samples.impact_stop, "stop that is struck"),
-            "simultaneous": plain_variable("impact", samples.impact_simultaneous, several),
-        }
-    else:
-        columns |= impulses_of(model, samples.impact_velocity)
-    taken = {} if impulses is None else {"stick_impulse": variable("stick_impulse", "stick", impulses)}
-    status = {"status": status_variable((), samples.status)}
-    return dataset_of(columns | _rests(model, samples) | taken | status, attrs=attrs)
+    return dataset_of(of_one_mass(columns, design), attrs=attrs)
+
+
+def of_one_mass(variables: dict[str, Any], design: Any) -> dict[str, Any]:
+    """Return the variables of a motion of one mass at one stop without axes and names of these two.
+
+    Such a design has plain numbers as its initial condition; the variables of all others are returned as they are.
+    """
+    if np.ndim(design.rest.displacement):
+        return variables
+    alone = {name: dict.fromkeys(ALONE & {*each.dims}, 0) for name, each in variables.items() if name not in NAMED}
+    return {name: variables[name].isel(dims) if dims else variables[name] for name, dims in alone.items()}
 
 
 def phase_variable(dims: Any, phases: Any, model: Any) -> xr.Variable:
@@ -108,16 +108,11 @@ def phase_variable(dims: Any, phases: Any, model: Any) -> xr.Variable:
     return variable("phase", dims, np.full(np.shape(phases), np.nan), no_value=reason)
 
 
-def _is_plain(samples: Any) -> bool:
-    """Return whether displacements are plain numbers: one mass with one stop, neither of which needs a name."""
-    return bool(np.ndim(samples.look_displacement) == 1)
-
-
 def _contacts(system: ImpactSystem, samples: Any) -> dict[str, Any]:
     """Return the quantities that stops of these kinds report for every contact."""
     begins, columns = in_seconds(system, samples.impact_periods, samples.impact_phase), {}
     for name in reports_of(system.stops):
-        values = getattr(samples, REPORTS[name].field)
+        values = getattr(samples.contacts, name)
         columns[name] = variable(name, "impact", begins + values if REPORTS[name].since else values)
     angles = [math.nan if stop.angle is None else stop.angle for stop in system.stops]
     if np.isfinite(angles).any():
@@ -125,14 +120,12 @@ def _contacts(system: ImpactSystem, samples: Any) -> dict[str, Any]:
     return columns
 
 
-def _rests(model: Any, samples: Any) -> dict[str, Any]:
-    times = {
-        "stick_time": variable("stick_time", "stick", in_seconds(model, *samples.rest_begin.T)),
-        "release_time": variable("release_time", "stick", in_seconds(model, *samples.rest_end.T)),
+def _rests(system: ImpactSystem, samples: Any) -> dict[str, Any]:
+    return {
+        "stick_time": variable("stick_time", "stick", in_seconds(system, *samples.rest_begin.T)),
+        "release_time": variable("release_time", "stick", in_seconds(system, *samples.rest_end.T)),
+        "stick_stop": _stops(system, "stick", samples.rest_stop, "stop that is closed"),
     }
-    if _is_plain(samples):
-        return times
-    return times | {"stick_stop": _stops(model, "stick", samples.rest_stop, "stop that is closed")}
 
 
 def _stops(system: ImpactSystem, dim: str, numbers: Any, long_name: str) -> Any:

@@ -16,7 +16,7 @@ from vibroimpact.backends.effects import States
 from vibroimpact.backends.rests import rest_impulses
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import status_variable
-from vibroimpact.labels import taken_by_stops, trajectory_of
+from vibroimpact.labels import of_one_mass, taken_by_stops, trajectory_of
 from vibroimpact.model import as_system
 from vibroimpact.model.balance import clearances
 from vibroimpact.model.elements import REPORTS, Contact
@@ -29,11 +29,6 @@ if TYPE_CHECKING:
     from vibroimpact.sections import Followed
 
 SAME = 1e-9  # periods: events that are so near the end of a piece are at its end
-# What one mass with one stop is described by, neither of which needs a name.
-PLAIN = (
-    "time", "displacement", "velocity", "impact_time", "impact_velocity", "stick_time", "release_time",
-    "stick_impulse", "force", "impulse", "energy_lost", "exit_velocity",
-)  # fmt: skip
 BRIEF = 2.0**-6  # driving periods, in which the end of a divided contact is sought first
 
 
@@ -104,10 +99,8 @@ class Pieces:
             following = self.systems[min(len(parts), len(self.systems) - 1)]
             cells = following.cells({}).carried(*state, np.array([hertz(now * following.omega)]))
         rested = {Status.STICKING, Status.STUCK_FOREVER} & {*statuses} and statuses[-1] == Status.OK
-        joined = _joined(parts)
-        if not np.ndim(run.design.rest.displacement):
-            joined = {name: joined[name][:, 0] if joined[name].ndim > 1 else joined[name] for name in PLAIN}
-        return joined | {"status": status_variable((), Status.STICKING if rested else statuses[-1])}
+        status = Status.STICKING if rested else statuses[-1]
+        return of_one_mass(_joined(parts), run.design) | {"status": status_variable((), status)}
 
 
 def as_given(sampled: Floats, seconds: Floats) -> Floats:

@@ -25,7 +25,7 @@ from vibroimpact.backends.effects import States
 from vibroimpact.backends.rests import rest_impulses
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, provenance, status_variable, variable
-from vibroimpact.labels import in_seconds, labelled_impacts, trajectory_of
+from vibroimpact.labels import in_seconds, labelled_impacts, of_one_mass, trajectory_of
 from vibroimpact.model import Model, State, as_system, check_model, one_start
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import STEPS, check_fits, check_steps, counted, hertz, invalid, phase_number
@@ -292,14 +292,14 @@ def stroboscopic_section(
     check_periodic(orbit.design, "use simulate or impact_section")
     window = StroboscopicWindow(sampling.transient_periods, sampling.sample_periods, phase_number("phase", phase))
     samples = orbit.samples(window)
-    dims = ("period", "coordinate") if samples.look_displacement.ndim > 1 else "period"
+    looks = {
+        "time": variable("time", "period", in_seconds(orbit.design, samples.look_periods, samples.look_phase)),
+        "displacement": variable("displacement", ("period", "coordinate"), samples.look_displacement),
+        "velocity": variable("velocity", ("period", "coordinate"), samples.look_velocity),
+        "status": status_variable((), samples.status),
+    }
     return dataset_of(
-        {
-            "time": variable("time", "period", in_seconds(orbit.design, samples.look_periods, samples.look_phase)),
-            "displacement": variable("displacement", dims, samples.look_displacement),
-            "velocity": variable("velocity", dims, samples.look_velocity),
-            "status": status_variable((), samples.status),
-        },
+        of_one_mass(looks, orbit.design),
         attrs=orbit.provenance(
             "stroboscopic_section",
             phase=window.phase,

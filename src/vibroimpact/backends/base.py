@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vibroimpact.cells import Cells
 from vibroimpact.indices import FORCES, INDICES, RESPONSES, VELOCITY_INDICES
-from vibroimpact.model.system_cells import SystemCells
+from vibroimpact.model.elements import Contact
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 
@@ -126,109 +126,25 @@ class Measurement:
         return not RESPONSES.keys().isdisjoint(self.indices)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, slots=True)  # freezing so many fields takes as long as recording two impacts
 class Samples:
-    """Samples of one cell's motion in a window; times in whole `periods` plus `phase`, speeds in m/s.
+    """Samples of one cell's motion in a window; times in whole `periods` plus `phase`.
 
-    `impact_*`: recorded impacts (velocity before contact, > 0): those that an `ImpactWindow` keeps, or all up to the
-    last sample of another window. `look_*`: the samples in time (`displacement`, `velocity`); empty for an
-    `ImpactWindow`. `stick_*` / `release_*`: times at which the mass came to rest at the stop and was released (NaN if
-    it was not), over the same span as the impacts. `last_*`: the state after the last item kept, from which to
-    continue.
-    """
-
-    impact_periods: Floats
-    impact_phase: Floats
-    impact_velocity: Floats
-    look_periods: Floats
-    look_phase: Floats
-    look_displacement: Floats
-    look_velocity: Floats
-    stick_periods: Floats
-    stick_phase: Floats
-    release_periods: Floats
-    release_phase: Floats
-    status: int
-    last_clearance: float
-    last_velocity: float
-    last_periods: float
-    last_phase: float
-    steps: int
-
-    @property
-    def impact_stop(self) -> Counts:
-        """The number of the stop of each impact: 0, the only one."""
-        return np.zeros(len(self.impact_velocity), np.int64)
-
-    @property
-    def rest_stop(self) -> Counts:
-        """The number of the stop of each rest: 0, the only one."""
-        return np.zeros(len(self.stick_phase), np.int64)
-
-    @property
-    def rest_begin(self) -> Floats:
-        """The beginning of each rest, in whole periods and phase, one row per rest."""
-        return np.column_stack([self.stick_periods, self.stick_phase])
-
-    @property
-    def rest_end(self) -> Floats:
-        """The end of each rest, in whole periods and phase, one row per rest."""
-        return np.column_stack([self.release_periods, self.release_phase])
-
-    @classmethod
-    def of(
-        cls,
-        *,
-        impacts: Floats,
-        looks: Floats,
-        sticks: Floats,
-        status: Status,
-        last: tuple[float, float, float, float],
-        steps: int,
-    ) -> Samples:
-        """Return samples from rows of numbers.
-
-        The columns are, for impacts: periods, phase, velocity; for looks: periods, phase, displacement, velocity; for
-        sticks: periods and phase of their begin, then of their release; for `last`: clearance, velocity, periods,
-        phase.
-        """
-        values: tuple[Any, ...] = *impacts.T, *looks.T, *sticks.T, int(status), *last, steps
-        return cls(*values)
-
-    def carry_on(self, cell: Cells) -> Cells:
-        """Return a cell whose initial condition is the end of this motion: its clearance, velocity and phase."""
-        if not math.isfinite(self.last_clearance):
-            return cell
-        last = {"clearance": self.last_clearance, "velocity": self.last_velocity, "phase": self.last_phase}
-        return cell.replace(**last, periods=0.0)
-
-
-@dataclass(frozen=True)
-class SystemSamples:
-    """Samples of one system's motion in a window; times in whole `periods` plus `phase`.
-
-    `impact_*`: recorded impacts: number of the `stop`, speed in m/s, impulse in N s, energy lost in J, whether other
-    stops were struck at the same instant, the time in s from the impact to the end of its force, and the speed of
-    separation there in m/s; for compliant stops (else NaN) the peak force in N, the time in s for which it pushed, the
-    penetration in m, and the times in s from the impact to the largest force and penetration; for an unfinished contact
-    all but the speed are NaN. `look_*`: coordinates and velocities, one row per sample. `rest_*`: the stop that closed,
-    when it closed, and when it was released (NaN if it was not). `last_*`: the final state, from which to continue.
+    `impact_*`: recorded impacts, those that an `ImpactWindow` keeps, or all up to the last sample of another window:
+    number of the `stop`, speed in m/s, whether other stops were struck at the same instant. `contacts`: arrays of what
+    they come to, or a number that is the same for all; for an unfinished contact all are NaN. `look_*`: the samples in
+    time, coordinates and velocities, one row per sample; none for an `ImpactWindow`. `rest_*`: the stop that closed,
+    when it closed, and when it was released (NaN if it was not), over the same span as the impacts. `last_*`: the state
+    after the last item kept, from which to continue; one mass has its clearance, too, which is not rounded as its
+    displacement is.
     """
 
     impact_periods: Floats
     impact_phase: Floats
     impact_stop: Counts
     impact_velocity: Floats
-    impact_impulse: Floats
-    impact_energy: Floats
     impact_simultaneous: NDArray[np.bool_]
-    impact_force: Floats
-    impact_duration: Floats
-    impact_depth: Floats
-    impact_exit: Floats
-    impact_exit_velocity: Floats
-    impact_peak: Floats
-    impact_deepest: Floats
+    contacts: Contact
     look_periods: Floats
     look_phase: Floats
     look_displacement: Floats
@@ -241,10 +157,49 @@ class SystemSamples:
     last_displacement: Floats
     last_velocity: Floats
     last_phase: float
+    last_clearance: float = math.nan
 
-    def carry_on(self, cell: SystemCells) -> SystemCells:
-        """Return a cell whose initial condition is the end of this motion: its coordinates, velocities and phase."""
-        return cell.carried(self.last_displacement, self.last_velocity, self.last_phase)
+    @classmethod
+    def of_one_mass(
+        cls,
+        design: Mapping[str, float],
+        *,
+        impacts: Floats,
+        looks: Floats,
+        sticks: Floats,
+        status: Status,
+        last: tuple[float, float, float, float],
+        steps: int,
+    ) -> Samples:
+        """Return the samples of one mass at one rigid stop from rows of numbers.
+
+        `design` holds its mass, restitution and gap. The columns are, for impacts: periods, phase, velocity; for looks:
+        periods, phase, displacement, velocity; for sticks: periods and phase of their begin, then of their release; for
+        `last`: clearance, velocity, periods, phase.
+        """
+        speed, (clearance, velocity, _, phase) = impacts[:, 2], last
+        stop = np.zeros(len(speed), np.int64)
+        return cls(
+            impact_periods=impacts[:, 0],
+            impact_phase=impacts[:, 1],
+            impact_stop=stop,
+            impact_velocity=speed,
+            impact_simultaneous=stop > 0,
+            contacts=taken_by(design["mass"], design["restitution"], speed),
+            look_periods=looks[:, 0],
+            look_phase=looks[:, 1],
+            look_displacement=looks[:, 2:3],
+            look_velocity=looks[:, 3:4],
+            rest_stop=np.zeros(len(sticks), np.int64),
+            rest_begin=sticks[:, :2],
+            rest_end=sticks[:, 2:],
+            status=int(status),
+            steps=steps,
+            last_displacement=np.array([design["gap"] - clearance]),
+            last_velocity=np.array([velocity]),
+            last_phase=phase,
+            last_clearance=clearance,
+        )
 
 
 def impacts_status(impacts: Floats, sticks: Floats, window: ImpactWindow, ended: Status) -> Status:
@@ -337,6 +292,7 @@ def energy_loss(mass: float, restitution: float) -> float:
     return 0.5 * mass * (1.0 - restitution) * (1.0 + restitution)
 
 
-def taken_by(mass: float, restitution: float, speed: Any) -> tuple[Any, Any, Any]:
-    """Return the impulse in N s, the energy lost in J and the exit velocity of impacts of one mass at some speeds."""
-    return mass * (1.0 + restitution) * speed, energy_loss(mass, restitution) * speed**2, restitution * speed
+def taken_by(mass: float, restitution: float, speed: Any) -> Contact:
+    """Return what impacts of one mass on a rigid stop come to, at one speed or an array of speeds."""
+    loss, away = energy_loss(mass, restitution) * speed**2, restitution * speed
+    return Contact(mass * (1.0 + restitution) * speed, energy_lost=loss, exit_velocity=away, exit_time=0.0)

@@ -44,6 +44,7 @@ class Run:
 
     def __init__(self, cell: dict[str, float], time_step: float, tolerances: Tolerances) -> None:
         self.start = State(**{name: cell.pop(name) for name in ("clearance", "velocity", "periods", "phase")})
+        self.design = cell.copy()
         self.restitution = cell.pop("restitution")
         self.loss = energy_loss(cell["mass"], self.restitution)
         self.free = free = FreeMotion(**cell)
@@ -137,9 +138,11 @@ class Run:
 
     def _samples(self, impacts: Floats, looks: Floats, status: Status) -> Samples:
         last = astuple(self.state())
-        return Samples.of(
-            impacts=impacts, looks=looks, sticks=np.empty((0, 4)), status=status, last=last, steps=self.step
-        )
+        sticks = np.empty((0, 4))
+        with np.errstate(over="ignore"):  # energies of a motion that does not stay finite
+            return Samples.of_one_mass(
+                self.design, impacts=impacts, looks=looks, sticks=sticks, status=status, last=last, steps=self.step
+            )
 
 
 class FixedStepBackend(OneByOne):

@@ -9,6 +9,7 @@ which is an oscillator with a phase lead.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -23,10 +24,8 @@ from vibroimpact.backends.base import (
     Outcome,
     Samples,
     StroboscopicWindow,
-    SystemSamples,
     TimesWindow,
     Window,
-    taken_by,
     with_stop_axis,
 )
 from vibroimpact.cells import Cells
@@ -121,7 +120,7 @@ def samples(
     cells: SystemCells,
     measurement: Measurement,
     engine: Callable[[Cells, Measurement], list[Samples]],
-) -> list[SystemSamples]:
+) -> list[Samples]:
     """Return the samples of each cell in the window, from an engine of one mass."""
     oscillators, ahead = as_one_mass(cells)
     motions: list[Any] = [None] * len(cells)
@@ -131,9 +130,8 @@ def samples(
         rows = np.flatnonzero(groups == group)
         sampled = engine(oscillators[rows], replace(measurement, window=_shifted(measurement.window, float(group))))
         for row, motion in zip(rows.tolist(), sampled, strict=True):
-            motions[row] = _of_system(
-                cells[row : row + 1], next(iter(oscillators[row : row + 1])), float(ahead[row]), motion
-            )
+            gap = float(oscillators["gap"][row])
+            motions[row] = _of_system(cells[row : row + 1], gap, float(ahead[row]), motion)
     return motions
 
 
@@ -147,51 +145,30 @@ def _shifted(window: Window, ahead: float) -> Window:
     return window
 
 
-def _of_system(cell: SystemCells, oscillator: dict[str, float], ahead: float, motion: Samples) -> SystemSamples:
-    """Return the samples of an oscillator as those of the equivalent system."""
+def _of_system(cell: SystemCells, gap: float, ahead: float, motion: Samples) -> Samples:
+    """Return the samples of an oscillator with a gap as those of the equivalent system."""
 
-    def turned(periods: Any, phase: Any) -> tuple[Floats, Floats]:
+    def behind(periods: Any, phase: Any) -> tuple[Floats, Floats]:
         whole = np.floor(phase - ahead)
-        behind = np.minimum(phase - ahead - whole, BELOW_ONE)
-        return periods + whole, behind
+        return periods + whole, np.minimum(phase - ahead - whole, BELOW_ONE)
 
     towards = cell.shapes[0, 0, 0] / cell["alpha"]  # derivative of the coordinate by y
-
-    def coordinates(y: Any) -> Floats:
-        column: Floats = np.atleast_1d(y)[:, None] * towards
-        return column
-
-    impacts, speed = turned(motion.impact_periods, motion.impact_phase), motion.impact_velocity
-    looks = turned(motion.look_periods, motion.look_phase)
-    impulse, lost, away = taken_by(oscillator["mass"], oscillator["restitution"], speed)
-    zeros, none = np.zeros(len(speed)), np.full(len(speed), np.nan)
-    return SystemSamples(
+    impacts = behind(motion.impact_periods, motion.impact_phase)
+    looks = behind(motion.look_periods, motion.look_phase)
+    return replace(
+        motion,
         impact_periods=impacts[0],
         impact_phase=impacts[1],
-        impact_stop=zeros.astype(np.int64),
-        impact_velocity=speed,
-        impact_impulse=impulse,
-        impact_energy=lost,
-        impact_simultaneous=zeros > 0.0,
-        impact_force=none,
-        impact_duration=none,
-        impact_depth=none,
-        impact_exit=zeros,
-        impact_exit_velocity=away,
-        impact_peak=none,
-        impact_deepest=none,
         look_periods=looks[0],
         look_phase=looks[1],
-        look_displacement=coordinates(cell["gap"] - oscillator["gap"] + motion.look_displacement),
-        look_velocity=coordinates(motion.look_velocity),
-        rest_stop=np.zeros(len(motion.stick_phase), np.int64),
-        rest_begin=np.column_stack(turned(motion.stick_periods, motion.stick_phase)),
-        rest_end=np.column_stack(turned(motion.release_periods, motion.release_phase)),
-        status=motion.status,
-        steps=motion.steps,
-        last_displacement=coordinates(cell["gap"] - motion.last_clearance)[0],
-        last_velocity=coordinates(motion.last_velocity)[0],
-        last_phase=float(turned(motion.last_periods, motion.last_phase)[1]),
+        look_displacement=(cell["gap"] - gap + motion.look_displacement) * towards,
+        look_velocity=motion.look_velocity * towards,
+        rest_begin=np.column_stack(behind(*motion.rest_begin.T)),
+        rest_end=np.column_stack(behind(*motion.rest_end.T)),
+        last_displacement=(cell["gap"] - motion.last_clearance) * towards,
+        last_velocity=motion.last_velocity * towards,
+        last_phase=float(behind(0.0, motion.last_phase)[1]),
+        last_clearance=math.nan,
     )
 
 

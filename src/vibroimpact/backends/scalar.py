@@ -295,8 +295,10 @@ class _Run:
                 last = (looks[at, 0], looks[at, 1], self.look_periods[at], self.look_phase[at])
         times = self.look_periods[: len(looks)], self.look_phase[: len(looks)]
         looked = np.column_stack([*times, self.cell.gap - looks[:, 0], looks[:, 1]])
-        steps = int(progress.steps)
-        return Samples.of(impacts=impacts, looks=looked, sticks=sticks, status=status, last=last, steps=steps)
+        design, steps = self.cell._asdict(), int(progress.steps)
+        return Samples.of_one_mass(
+            design, impacts=impacts, looks=looked, sticks=sticks, status=status, last=last, steps=steps
+        )
 
 
 def aligned(size: int) -> Floats:

@@ -53,7 +53,7 @@ class Final:
     """
 
     measured: Measured
-    samples: Any  # Samples; None of a system
+    samples: Any  # None of a system
     watched: int
     before: Measured | None = None
     ends: dict[str, int] = field(default_factory=dict)

@@ -277,7 +277,7 @@ class Runner:
 
 def last_of(samples: Samples) -> Start | None:
     """Return the state in which a recorded motion ended, or None if it could not be followed."""
-    last = Start(max(samples.last_clearance, 0.0), samples.last_velocity, samples.last_phase)
+    last = Start(max(samples.last_clearance, 0.0), float(samples.last_velocity[0]), samples.last_phase)
     return last if samples.status != Status.BUDGET and all(map(math.isfinite, last)) else None
 
 

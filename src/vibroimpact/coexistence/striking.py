@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow
-from vibroimpact.backends.base import Counts, Floats, SystemSamples, energy_loss
+from vibroimpact.backends.base import Counts, Floats, Samples, energy_loss
 from vibroimpact.coexistence.final import release_phase, released
 from vibroimpact.coexistence.measuring import AT_REST, EQUAL, SPREAD, Runner, carried
 from vibroimpact.coexistence.settling import Settled, chaotic_groups, cycle_groups
@@ -201,7 +201,7 @@ def follow(runner: Runner, settled: Settled, at: int, others: Sequence[SettledMo
     last = first + p if p > 0 else int(np.searchsorted(turns, turns[first] + n - 1e-6))
     n, span = _smallest(samples, slice(first, last), n)
     phases, speeds, stops = samples.impact_phase[span], speeds[span], samples.impact_stop[span]
-    loss, end = float(np.nansum(samples.impact_energy[span])) / n, ended(system, samples)
+    loss, end = float(np.nansum(samples.contacts.energy_lost[span])) / n, ended(system, samples)
     exponent = float(settled.indices["lyapunov"][at])
     cycle = SettledMotion(phases, speeds, stops, end, exponent, loss, n, _by_growth(exponent * n * system.period))
     for other in others:
@@ -252,7 +252,7 @@ def _sticking(runner: Runner, settled: Settled, at: int) -> SettledMotion:
 def _turn(runner: Runner, settled: Settled, at: int, n: int) -> SettledMotion:
     """Return a cycle of n periods that rests."""
     (samples,) = runner.samples(AT_REST.cell(settled.osc), StroboscopicWindow(0, n + 2))
-    release = samples.release_periods[0] + samples.release_phase[0]
+    release = samples.rest_end[0].sum()
     time = samples.impact_periods + samples.impact_phase
     turn = (time > release) & (time < release + n)
     return _from_hardest(settled, at, samples.impact_phase[turn], samples.impact_velocity[turn], n)
@@ -266,8 +266,8 @@ def _turns(runner: Runner, settled: Settled, at: int) -> SettledMotion:
     osc, phases, velocities, periods = settled.osc, [], [], 0.0
     for samples in runner.samples(released(osc.cells({})), ImpactWindow(0, WANDERING)):
         time = samples.impact_periods + samples.impact_phase
-        rested = len(samples.stick_phase) > 0 and math.isfinite(samples.release_phase[0])
-        end = samples.release_periods[0] + samples.release_phase[0] if rested else time[-1]
+        releases = samples.rest_end[:1].sum(axis=1)
+        end = releases[0] if np.isfinite(releases).any() else time[-1]
         phases.append(samples.impact_phase[time <= end])
         velocities.append(samples.impact_velocity[time <= end])
         periods += float(end) - release_phase(*osc.cells({}))
@@ -293,7 +293,7 @@ def _hardest(speeds: Floats, stops: Counts) -> int:
     return int(tied[stops[tied].argmin()])
 
 
-def _smallest(samples: SystemSamples, span: slice, n: int) -> tuple[int, slice]:
+def _smallest(samples: Samples, span: slice, n: int) -> tuple[int, slice]:
     """Return the smallest number of periods, and the impacts, after which a cycle repeats."""
     p, impacts = span.stop - span.start, Impacts(samples.impact_phase[span], samples.impact_velocity[span])
     points = np.column_stack([points_of(impacts, np.max(impacts.velocities)), samples.impact_stop[span]])

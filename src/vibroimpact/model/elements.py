@@ -55,29 +55,25 @@ BLOCKS: Mapping[str, Block] = MappingProxyType(
 
 
 class Report(NamedTuple):
-    """A quantity that is reported for every contact: its label, and the field of samples that holds it.
-
-    A time `since` the impact in that field is listed as a time.
-    """
+    """The label of a quantity of a `Contact` that is reported; a time `since` the impact is listed as a time."""
 
     long_name: str
     unit: str
     symbol: str
-    field: str
     since: bool = False
 
 
 REPORTS: Mapping[str, Report] = MappingProxyType(
     {
-        "impulse": Report("impulse of the impact", "N s", "P", "impact_impulse"),
-        "energy_lost": Report("energy lost at the stop by the impact", "J", "E", "impact_energy"),
-        "peak_force": Report("largest force of the contact", "N", "F", "impact_force"),
-        "contact_time": Report("duration of the contact", "s", "t_c", "impact_duration"),
-        "penetration": Report("deepest penetration of the contact", "m", "d", "impact_depth"),
-        "exit_velocity": Report("speed of separation at the end of the contact", "m/s", "v", "impact_exit_velocity"),
-        "exit_time": Report("time of the end of the contact", "s", "t", "impact_exit", True),
-        "peak_force_time": Report("time of the largest force of the contact", "s", "t", "impact_peak", True),
-        "penetration_time": Report("time of the deepest penetration of the contact", "s", "t", "impact_deepest", True),
+        "impulse": Report("impulse of the impact", "N s", "P"),
+        "energy_lost": Report("energy lost at the stop by the impact", "J", "E"),
+        "peak_force": Report("largest force of the contact", "N", "F"),
+        "contact_time": Report("duration of the contact", "s", "t_c"),
+        "penetration": Report("deepest penetration of the contact", "m", "d"),
+        "exit_velocity": Report("speed of separation at the end of the contact", "m/s", "v"),
+        "exit_time": Report("time of the end of the contact", "s", "t", True),
+        "peak_force_time": Report("time of the largest force of the contact", "s", "t", True),
+        "penetration_time": Report("time of the deepest penetration of the contact", "s", "t", True),
     }
 )
 
@@ -86,18 +82,18 @@ class Contact(NamedTuple):
     """One impact: impulse (N s), contact time (s), peak force (N), penetration (m), loss (J), exit velocity (m/s).
 
     Then how long after the impact, in s, its force ends, and force and penetration are largest. Contact time, largest
-    values and their times are NaN on rigid stops.
+    values and their times are NaN on rigid stops. The entries may be arrays, for several impacts.
     """
 
-    impulse: float
-    contact_time: float = math.nan
-    peak_force: float = math.nan
-    penetration: float = math.nan
-    energy_lost: float = math.nan
-    exit_velocity: float = math.nan
-    exit_time: float = math.nan
-    peak_force_time: float = math.nan
-    penetration_time: float = math.nan
+    impulse: Any
+    contact_time: Any = math.nan
+    peak_force: Any = math.nan
+    penetration: Any = math.nan
+    energy_lost: Any = math.nan
+    exit_velocity: Any = math.nan
+    exit_time: Any = math.nan
+    peak_force_time: Any = math.nan
+    penetration_time: Any = math.nan
 
     def joined(self, other: Contact) -> Contact:
         """Return what this part of a contact and a later one come to together."""

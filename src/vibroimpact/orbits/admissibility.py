@@ -120,8 +120,8 @@ def _beyond(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
 
 def _first_difference(samples: Samples, turns: float, velocity: float, largest: float) -> str:
     """Return a sentence on what the engine finds before the impact expected `turns` later; empty if nothing."""
-    if len(samples.stick_phase):
-        return f"the mass comes to rest at the stop at phase {samples.stick_phase[0]:.6g}"
+    if len(samples.rest_begin):
+        return f"the mass comes to rest at the stop at phase {samples.rest_begin[0, 1]:.6g}"
     if len(samples.impact_phase) < 2:
         return "the mass never reaches the stop again"
     later = (samples.impact_periods[1] - samples.impact_periods[0]) + (

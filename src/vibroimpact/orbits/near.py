@@ -187,7 +187,7 @@ def _approached(model: Model, design: Any, cell: Any) -> Orbits[Any]:
             (samples,) = get_backend("cpu").samples(cell, Measurement(window))
             if len(samples.impact_phase) < 1:
                 break
-            cell = cell.carried(samples.last_displacement, samples.last_velocity, samples.last_phase)
+            cell = cell.continuing(samples)
             skipped += further + 1
         hits = _Hits(design, cell, 0, 2 * PASSING + 1)
         for back in hits.returns(1, PASSING):

@@ -140,10 +140,7 @@ class Orbit(Shown):
     def contacts(self) -> tuple[Contact, ...]:
         """The impulse (N s), the energy lost (J) and the speed of separation (m/s) of each impact."""
         mass, r = self.oscillator.mass, self.oscillator.restitution
-        effects = (taken_by(mass, r, v) for v in self.velocities)
-        return tuple(
-            Contact(impulse, energy_lost=lost, exit_velocity=away, exit_time=0.0) for impulse, lost, away in effects
-        )
+        return tuple(taken_by(mass, r, v) for v in self.velocities)
 
     @cached_property
     def impulses(self) -> tuple[float, ...]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, SystemSamples, impacts_status, looks_status
+from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, Samples, impacts_status, looks_status
 from vibroimpact.backends.modal.rows import budgets_of, in_steps, steps_of
 from vibroimpact.backends.modal.sweep import alone_for, layout_for, noted, room_for
 from vibroimpact.backends.scalar import aligned, ended_as
@@ -16,6 +16,7 @@ from vibroimpact.kernels.held import InMemory
 from vibroimpact.kernels.systems import march, walk
 from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.vectors import LANES
+from vibroimpact.model.elements import Contact
 from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.status import Status
 
@@ -27,7 +28,7 @@ _BRIEF = 1e5
 _ROOM = 4096  # rows of a buffer, which is emptied when full
 
 
-def samples(cells: SystemCells, measurement: Measurement) -> list[SystemSamples]:
+def samples(cells: SystemCells, measurement: Measurement) -> list[Samples]:
     """Return the samples of each cell in the window."""
     by_cell = dict(_Recorder(cells, measurement).finished())
     return [by_cell[at] for at in range(len(cells))]
@@ -60,7 +61,7 @@ class _Recorder:
         self._rows = self._busy.lanes.reshape(-1, LANES)
         self._recorded: list[tuple[list[Floats], list[Floats]]] = [([], []) for _ in range(wide)]
 
-    def finished(self) -> Iterator[tuple[int, SystemSamples]]:
+    def finished(self) -> Iterator[tuple[int, Samples]]:
         """Yield the number and the samples of each cell when it ends."""
         k, owner, ends = self._layout, self._busy.owner, self._busy.ends
         waiting = iter(range(len(self._cells)))
@@ -119,7 +120,7 @@ class _Recorder:
         self._buffers = self._buffers._replace(impacts=np.concatenate([self._buffers.impacts] * 2, axis=1))
         return True
 
-    def _labelled(self, lane: int) -> SystemSamples:
+    def _labelled(self, lane: int) -> Samples:
         """Return the samples of the cell in a lane, in SI units."""
         k, rows, note, times = self._layout, self._rows[:, lane], self._busy.notes[lane], self._times[lane]
         at = self._busy.owner[lane]
@@ -134,21 +135,23 @@ class _Recorder:
             step = h * cell["omega"][0] / (2.0 * math.pi)
             impacts, rests, status = _within_looks(impacts, rests, times.sum(axis=0), step, ended)
             status = ended if len(looks) < self._window.keep else status
-        return SystemSamples(
+        return Samples(
             impact_periods=impacts[:, 0],
             impact_phase=impacts[:, 1],
             impact_stop=impacts[:, 2].astype(np.int64),
             impact_velocity=impacts[:, 3] / h,
-            impact_impulse=impacts[:, 4] / h,
-            impact_energy=impacts[:, 9] / h**2,
             impact_simultaneous=impacts[:, 5] > 0.0,
-            impact_force=impacts[:, 6] / h**2,
-            impact_duration=impacts[:, 7] * h,
-            impact_depth=impacts[:, 8],
-            impact_exit=impacts[:, 10] * h,
-            impact_exit_velocity=impacts[:, 11] / h,
-            impact_peak=impacts[:, 12] * h,
-            impact_deepest=impacts[:, 13] * h,
+            contacts=Contact(
+                impulse=impacts[:, 4] / h,
+                contact_time=impacts[:, 7] * h,
+                peak_force=impacts[:, 6] / h**2,
+                penetration=impacts[:, 8],
+                energy_lost=impacts[:, 9] / h**2,
+                exit_velocity=impacts[:, 11] / h,
+                exit_time=impacts[:, 10] * h,
+                peak_force_time=impacts[:, 12] * h,
+                penetration_time=impacts[:, 13] * h,
+            ),
             look_periods=times[0, : len(looks)].copy(),
             look_phase=times[1, : len(looks)].copy(),
             look_displacement=looks[:, :n] @ shapes.T,

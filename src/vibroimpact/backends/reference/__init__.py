@@ -54,6 +54,7 @@ class ReferenceCell:
 
     def __init__(self, cell: dict[str, float], tolerances: Tolerances) -> None:
         self.start = State(**{name: cell.pop(name) for name in ("clearance", "velocity", "periods", "phase")})
+        self.design = cell.copy()
         self.restitution = cell.pop("restitution")
         self.loss = energy_loss(cell["mass"], self.restitution)
         self.free = free = FreeMotion(**cell)
@@ -165,7 +166,8 @@ class ReferenceCell:
             status = impacts_status(impacts, sticks, window, status)
         elif status == Status.OK:
             status = looks_status(sticks, times[0][0] + times[1][0], self.free.preload <= -self.free.drive)
-        return Samples.of(
+        return Samples.of_one_mass(
+            self.design,
             impacts=impacts,
             looks=np.column_stack([*times, self.free.gap - clearance, velocity]),
             sticks=sticks,

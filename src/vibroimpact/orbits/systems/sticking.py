@@ -20,7 +20,7 @@ from vibroimpact.backends import Measurement, StroboscopicWindow, get_backend
 from vibroimpact.backends.modal.carry import Carrier
 from vibroimpact.cells import Floats
 from vibroimpact.model import Model, State
-from vibroimpact.model.elements import REPORTS, Contact
+from vibroimpact.model.elements import Contact
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import cycle_name
 from vibroimpact.motion.recognition import recurrence
@@ -170,8 +170,7 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _History:
 
 def _contacts(samples: Any, which: Any) -> tuple[Contact, ...]:
     """Return the contacts of some impacts; the NaN of rigid stops is the one of `Contact`, so that they are equal."""
-    columns = [getattr(samples, REPORTS[name].field) for name in Contact._fields]
-    rows = np.column_stack(columns)[which].tolist()
+    rows = np.column_stack(np.broadcast_arrays(*samples.contacts))[which].tolist()
     return tuple(Contact(*(math.nan if math.isnan(number) else number for number in row)) for row in rows)
 
 
