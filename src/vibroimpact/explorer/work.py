@@ -143,7 +143,8 @@ def _lower_priority() -> None:
     """Give clicks, the server and local browsers priority over the calling thread."""
     if sys.platform == "linux":  # only on Linux do threads have their own niceness
         with contextlib.suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
+            level = os.getpriority(os.PRIO_PROCESS, 0) + NICE
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), level)
 
 
 class Work:
