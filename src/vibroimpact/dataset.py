@@ -364,8 +364,8 @@ def _in_order(part: xr.Dataset) -> xr.Dataset:
 def with_display(dataset: xr.Dataset, units: Mapping[str, str]) -> xr.Dataset:
     """Return a result whose parameters along axes, branches and curves are written and drawn in these units."""
     for name, unit in units.items():
-        own = dataset[name].attrs.get("units") if name in dataset.coords else None
-        if own is None or unit == own:
+        standard = dataset[name].attrs.get("units") if name in dataset.coords else None
+        if standard is None or unit == standard:
             continue
         of_name = [name, *({"special_value"} & set(map(str, dataset.variables)))]
         dataset = dataset.assign({key: _relabelled(dataset[key], 1.0, {DISPLAY: unit}) for key in of_name})

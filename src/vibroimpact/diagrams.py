@@ -155,8 +155,8 @@ def bifurcation_diagram(
     check_takes(engine, design)
     if whole_number("coordinate", coordinate, 0) >= design.coordinates:
         raise invalid("coordinate", coordinate, f"less than the number of coordinates, {design.coordinates}")
-    seen = observed_by(named, design, of) if named or of is not None else None
-    measurement = Measurement(window, Tolerances.of(tolerances), indices=chosen, of=seen)
+    observed = observed_by(named, design, of) if named or of is not None else None
+    measurement = Measurement(window, Tolerances.of(tolerances), indices=chosen, of=observed)
     units = units_of(axis, osc.parameters)
     request = Request(osc, axes, measurement, one_start(start), engine.sampler, time_step, of, units=units)
     cells = request.cells()

@@ -115,7 +115,7 @@ OF_PERIODS = (
 
 
 def without_value(name: str, model: Any, of: Any = ()) -> str:
-    """Return why a model has no value of an index; empty if it has one. `of` None: no displacement is named."""
+    """Return the reason why a model has no value of an index, or "". `of` None: no displacement is named."""
     if name in FORCES and getattr(model, "forgets", False):
         return f"`{name}` is an index of systems; write the oscillator as an ImpactSystem"
     if name in ("max_force", "rms_force") and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):

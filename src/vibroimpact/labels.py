@@ -49,7 +49,7 @@ def trajectory_of(samples: Any, design: Any) -> dict[str, xr.Variable]:
 
 
 def taken_by_stops(samples: Any, design: Any, impulses: Floats) -> dict[str, xr.Variable]:
-    """Return what stops take: forces over time, and the impulses of rests, which are given.
+    """Return the forces of stops over time, and the impulses of rests, which are given.
 
     The force of a rigid stop is that of a rest, and zero otherwise: an impact on it has an impulse but no force.
     """
@@ -63,7 +63,7 @@ def taken_by_stops(samples: Any, design: Any, impulses: Floats) -> dict[str, xr.
 
 
 def impulses_of(oscillator: Any, speeds: Floats) -> dict[str, xr.Variable]:
-    """Return what is reported for impacts of one mass on its stop, at speeds in m/s."""
+    """Return the quantities reported for impacts of one mass on its stop, at speeds in m/s."""
     taken = taken_by(oscillator.mass, oscillator.restitution, speeds)
     return {name: variable(name, "impact", getattr(taken, name)) for name in Element.reports}
 

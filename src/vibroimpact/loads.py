@@ -77,8 +77,8 @@ class Pieces:
         divided: dict[int, _Divided] = {}
         for end, system in zip(self.ends, self.systems, strict=True):
             until = times <= end if end == self.ends[-1] else times < end
-            own = times[(times >= now) & until]
-            looks = own if len(own) and own[-1] == end else np.append(own, end)
+            within = times[(times >= now) & until]
+            looks = within if len(within) and within[-1] == end else np.append(within, end)
             turns = hertz(np.array([now, *looks]) * system.omega)
             samples = run.samples_of(system, cells, TimesWindow.of(turns[1:], turns[0]))
             states = run.states(system, cells, now, float(turns[-1] - turns[0]))
@@ -86,7 +86,7 @@ class Pieces:
             part = trajectory_of(samples, system) | taken_by_stops(samples, system, impulses)
             seconds = as_given(part["time"].values, looks)
             part["time"] = part["time"].copy(data=seconds)
-            kept = {name: each[: len(own)] if each.dims[0] == "time" else each for name, each in part.items()}
+            kept = {name: each[: len(within)] if each.dims[0] == "time" else each for name, each in part.items()}
             if parts:
                 _carry_on(parts[-1], kept, now, SAME * system.period)
             parts.append(kept)

@@ -147,7 +147,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def times(number: int) -> str:
-    """Return how often something happens: once, 2 times."""
+    """Return a number of times in words: once, 2 times."""
     return "once" if number == 1 else f"{number} times"
 
 

@@ -41,7 +41,7 @@ KIND = "class"  # the key that names a class
 
 
 def labelled(value: Any) -> xr.Dataset:
-    """Return what `save` writes of an orbit, an attractor, a list of these, a branch or a boundary."""
+    """Return the record that `save` writes of an orbit, an attractor, a list of these, a branch or a boundary."""
     several = value if isinstance(value, list) and value else [value]
     traits = {trait for trait in ("share", "multipliers") if all(hasattr(each, trait) for each in several)}
     if "share" in traits:

@@ -175,8 +175,8 @@ def parameter_map(
     early_closing, by_stop = truth("early_closing", early_closing), truth("by_stop", by_stop)
     engine = get_backend(backend, time_step=time_step, elsewhere=cluster is not None)
     chosen = chosen_indices(indices, engine)
-    seen = observed_by(indices, osc.at(), of)
-    measurement = Measurement(window, Tolerances.of(tolerances), early_closing, chosen, by_stop, seen)
+    observed = observed_by(indices, osc.at(), of)
+    measurement = Measurement(window, Tolerances.of(tolerances), early_closing, chosen, by_stop, observed)
     varied = check_axes(axes, osc.parameters) if points is None else check_points(points, osc)
     check_apart(varied, chosen)
     request = Request(

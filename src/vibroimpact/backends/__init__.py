@@ -93,7 +93,7 @@ def _computes(backend: Backend, name: str) -> bool:
 
 
 def observed_by(indices: Iterable[str], model: Model, of: Any) -> tuple[float, ...] | int | None:
-    """Return what indices of displacements are of: factors of the coordinates, or the number of a stop.
+    """Return the object of indices of displacements: factors of the coordinates, or the number of a stop.
 
     Raises
     ------

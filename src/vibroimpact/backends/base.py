@@ -293,6 +293,6 @@ def energy_loss(mass: float, restitution: float) -> float:
 
 
 def taken_by(mass: float, restitution: float, speed: Any) -> Contact:
-    """Return what impacts of one mass on a rigid stop come to, at one speed or an array of speeds."""
+    """Return impulse, loss and exit velocity of impacts of one mass on a rigid stop, at one speed or an array."""
     loss, away = energy_loss(mass, restitution) * speed**2, restitution * speed
     return Contact(mass * (1.0 + restitution) * speed, energy_lost=loss, exit_velocity=away, exit_time=0.0)

@@ -24,7 +24,7 @@ def contact_within(
     span: tuple[float, float],
     since: float,
 ) -> tuple[Contact, bool, bool]:
-    """Return what a contact that began at `since`, in s, comes to within a span, and how that ends.
+    """Return the part within a span of a contact that began at `since`, in s, and how it ends.
 
     It ends with the contact over or not, and if not, with the stop pushing or not. The stop is touched or pressed in
     where the span, in driving periods, begins.
@@ -49,7 +49,7 @@ def contact_within(
 
 
 def _largest(series: Floats, ends: Floats) -> tuple[float, float]:
-    """Return where a function over successive panels is largest, and that value."""
+    """Return the place of the maximum of a function over successive panels, and the maximum."""
     places = np.concatenate([[-1.0], NODES, [1.0]])
     sampled = legendre.legval(places, series.T)
     near, node = divmod(int(sampled.argmax()), len(places))

@@ -98,7 +98,7 @@ class Panels:
         return float((0.5 * self.system.period * np.diff(self.ends) * WEIGHTS * values).sum())
 
     def depth(self, stop: int) -> tuple[Floats, Floats]:
-        """Return how deep a stop is penetrated in m at the nodes, and its rate in m/s."""
+        """Return the penetration of a stop in m at the nodes, and its rate in m/s."""
         angles = angles_of(nodes_of(self.ends))
         return depth_of(self.system.stops[stop], self.system.omega, self.q, self.v, angles)
 
@@ -130,7 +130,7 @@ class Panels:
         return divides
 
     def cuts(self, at: int, rates: Rates) -> list[float]:
-        """Return where a panel must be divided, in fractions of it."""
+        """Return the places at which a panel must be divided, in fractions of it."""
         pushing = tuple(stop for stop in self._levels if self.forces[at, :, stop].any())
         places = rates.places(self.ends[at], pushing)
         for depths, pushes in self._levels.values():
@@ -182,7 +182,7 @@ class Rates(dict[tuple[int, ...], float]):
         return self[pushing]
 
     def places(self, ends: Floats, pushing: tuple[int, ...] = ()) -> list[float]:
-        """Return where a panel must be divided, in fractions of it."""
+        """Return the places at which a panel must be divided, in fractions of it."""
         number = math.ceil(float(ends[1] - ends[0]) * self[pushing] / LONGEST - EDGE)
         if number * LONGEST > MOST:
             number, self.too_long = 1, True

@@ -31,10 +31,10 @@ def rest_impulses(system: ImpactSystem, samples: Any, first: float, last: float,
     It contains the shares of impacts on other stops. A rest that ends before the first time has none.
     """
     rests = Rests(samples, last, first)
-    impulses, asked = np.zeros(len(rests.ends)), np.flatnonzero(rests.ends > rests.begins)
-    if not len(asked):
+    impulses, lasting = np.zeros(len(rests.ends)), np.flatnonzero(rests.ends > rests.begins)
+    if not len(lasting):
         return impulses
-    spans, stops = np.column_stack([rests.begins, rests.ends])[asked], rests.stops[asked]
+    spans, stops = np.column_stack([rests.begins, rests.ends])[lasting], rests.stops[lasting]
     parts = parts_of(spans, system, samples, rests)
     if system.coordinates == 1:  # a closed stop determines the state
 
@@ -43,14 +43,14 @@ def rest_impulses(system: ImpactSystem, samples: Any, first: float, last: float,
 
     forces = _taken(system, parts, rests, states)
     rows = np.searchsorted(parts.mean(axis=1), spans)
-    impulses[asked] = [forces[slice(*row), stop].sum() for row, stop in zip(rows.tolist(), stops, strict=True)]
+    impulses[lasting] = [forces[slice(*row), stop].sum() for row, stop in zip(rows.tolist(), stops, strict=True)]
     if system.coordinates > 1:
         impulses += _shares(system, samples, rests, spans, states)
     return impulses
 
 
 def _shares(system: ImpactSystem, samples: Any, rests: Rests, spans: Floats, states: States) -> Floats:
-    """Return what closed stops take of impacts on others, one number per rest, from the jumps of the velocities."""
+    """Return the shares of closed stops in impacts on others, one per rest, from the jumps of the velocities."""
     impacts, shares = samples.impact_periods + samples.impact_phase, np.zeros(len(rests.ends))
     times = np.unique(impacts)
     begun, ended = (np.searchsorted(np.sort(ends), times) for ends in (spans[:, 0], spans[:, 1] + SHORT))

@@ -206,9 +206,9 @@ class Sweep:
         memory, owner, busy = aligned((SWINGING + 1) * LANES), np.full(BLOCK, -1), 1
         while busy and not stopped():
             busy = run_swings(self.finals, done[which], sums, ends, tickets, memory, owner, _LOOKS)
-        known, full = np.zeros(len(done), bool), ends == FILLED
-        known[which] = full
-        return sums[full][np.argsort(which[full])].T, known
+        complete, full = np.zeros(len(done), bool), ends == FILLED
+        complete[which] = full
+        return sums[full][np.argsort(which[full])].T, complete
 
     def follow(self, run: _Run) -> None:
         """Measure the only cell, and record its run up to the same point or to its end."""

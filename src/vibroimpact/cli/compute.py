@@ -50,8 +50,8 @@ def simulate(options: Options) -> None:
 
 def _with_own_load(study: Study) -> Study:
     """Return a study in whose pieces the load of the model stands where it was asked for by name."""
-    own = as_system(study.model.at()).force
-    pieces = [(seconds, own if force == OWN else force) for seconds, force in study.settings["pieces"]]
+    load = as_system(study.model.at()).force
+    pieces = [(seconds, load if force == OWN else force) for seconds, force in study.settings["pieces"]]
     return replace(study, settings=study.settings | {"pieces": pieces})
 
 

@@ -136,7 +136,7 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 def _instead_of(path: Path) -> str:
-    """Return what was probably meant by the text typed in place of a study file."""
+    """Return the probable meaning of the text typed in place of a study file."""
     text, ending = str(path), path.suffix.lower()
     if "=" in text:
         flag = "--x" if ":" in text else "-p"

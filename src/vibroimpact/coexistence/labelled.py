@@ -37,7 +37,7 @@ def attractor_variables(attractors: Sequence[Attractor]) -> dict[str, xr.Variabl
 
 
 def attractors_dataset(attractors: Sequence[Attractor]) -> xr.Dataset:
-    """Return what `attractors` found as a dataset over `attractor_id` and `impact`, rows padded with NaN."""
+    """Return the result of `attractors` as a dataset over `attractor_id` and `impact`, rows padded with NaN."""
     model, dims = attractors[0].model, (DIM, "impact")
     if model is None:
         raise ValueError("an attractor without a `model` cannot be saved; give one that `attractors` returned")

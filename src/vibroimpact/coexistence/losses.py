@@ -28,7 +28,7 @@ def attracts(osc: Design) -> bool:
 
 
 def why_undecided(osc: Design) -> str:
-    """Return why some initial conditions lead to no attractor that was found."""
+    """Return the reason why some initial conditions lead to no attractor that was found."""
     if not osc.energy_changes:
         return CONTINUUM
     if not attracts(osc):

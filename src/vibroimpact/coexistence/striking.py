@@ -73,8 +73,8 @@ class SettledMotion:
     @cached_property
     def _boxes(self) -> tuple[NDArray[np.complex128], float]:
         """The boxes that it visits, and how often another motion must visit them: half as often as this one."""
-        own, half = self._boxes_of(self.phases, self.velocities, self.stops), len(self.stops) // 2
-        return own, SHARED * float(np.isin(own[half:], own[:half]).mean())
+        boxes, half = self._boxes_of(self.phases, self.velocities, self.stops), len(self.stops) // 2
+        return boxes, SHARED * float(np.isin(boxes[half:], boxes[:half]).mean())
 
     def _boxes_of(self, phases: Floats, velocities: Floats, stops: Counts) -> NDArray[np.complex128]:
         height = self.velocities.max() / BOXES
@@ -83,8 +83,8 @@ class SettledMotion:
 
     def visited(self, phases: Floats, velocities: Floats, stops: Counts) -> bool:
         """Return whether impacts of a chaotic motion show that it is this one."""
-        own, least = self._boxes
-        return bool(np.isin(self._boxes_of(phases, velocities, stops), own).mean() > least)
+        boxes, least = self._boxes
+        return bool(np.isin(self._boxes_of(phases, velocities, stops), boxes).mean() > least)
 
 
 def alike(one: Any, other: Any, tolerance: float = SAME) -> bool:
@@ -120,7 +120,7 @@ def striking(runner: Runner, settled: Settled, longest: ImpactWindow) -> Iterato
         chaotic_groups(settled),
         lambda at, _: sample(runner, settled, at, longest),
         visitors,
-        lambda known, one: known.visited(one.phases, one.velocities, one.stops),
+        lambda chaos, one: chaos.visited(one.phases, one.velocities, one.stops),
     ):
         exponent, loss = (float(indices[name][members].mean()) for name in ("lyapunov", "dissipation"))
         yield at, replace(motion, exponent=exponent, loss=loss), members

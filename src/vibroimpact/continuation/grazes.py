@@ -58,6 +58,6 @@ def gaining(
 
 
 def _lasting(half: float, k: float, c: float) -> float:
-    """Return how long a stop pushes that is pressed in for 2 `half`: k (e t - t^2/2) + c (e - t) = 0."""
+    """Return the time for which a stop pushes that is pressed in for 2 `half`: k (e t - t^2/2) + c (e - t) = 0."""
     lever = k * half - c
     return (lever + math.sqrt(lever * lever + 2.0 * k * c * half)) / k

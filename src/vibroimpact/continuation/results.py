@@ -171,7 +171,7 @@ class Branch(Shown):
         return _along(self, content, {self.parameter: self.values}, "continue_orbit", {"parameter": self.parameter})
 
     def response(self, of: Any = None) -> xr.Dataset:
-        """Return how far the motion swings on each orbit.
+        """Return amplitude, mean, rms and harmonic of a displacement on each orbit.
 
         Parameters
         ----------

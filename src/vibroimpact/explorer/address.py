@@ -202,7 +202,7 @@ def ranges_for(view: View) -> dict[str, Range]:
     of_mass = view.osc.values
 
     def fitting(preset: Preset) -> int:
-        """Return how many parameters lie within the sliders of a case."""
+        """Return the number of parameters within the sliders of a case."""
         return sum(low <= of_mass[name] <= high for name, (low, high) in preset.ranges.items())
 
     ranges = {name: usual_range(parameter, values[name], view.system) for name, parameter in view.table.items()}

@@ -322,7 +322,7 @@ def partial_name(path: Path) -> Path:
 
 
 def aside_hint(path: Path) -> str:
-    """Return where the previous output is if a process died while replacing it; an empty string otherwise."""
+    """Return the place of the previous output if a process died while replacing it; an empty string otherwise."""
     aside = max(path.parent.glob(f".{glob.escape(path.name)}-*{ASIDE}"), key=os.path.getmtime, default=None)
     return f"its previous content is in {str(aside)!r}, moved there by a process that died: rename it" if aside else ""
 

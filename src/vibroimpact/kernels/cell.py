@@ -172,7 +172,7 @@ RUNNING, FILLED, QUIET, PINNED, DYING, SPENT, LAWLESS = range(7)
 
 @inner
 def ending(motion, k, age, longest, steps, granted):
-    """Return why a cell that has not filled its window ends here, or RUNNING.
+    """Return the reason why a cell that has not filled its window ends here, or RUNNING.
 
     QUIET: it never reaches the stop again. PINNED: at rest, pressed for ever. DYING: unforced rebounds
     have died out below the cut. SPENT: the flight or the whole cell is past its budget.

@@ -97,7 +97,7 @@ def may_end(lanes, i, note, total):
 
 @inner
 def ending_of(lanes, i, note, total):
-    """Return why the cell in lane i ends here, or RUNNING."""
+    """Return the reason why the cell in lane i ends here, or RUNNING."""
     if lane.load_sums(lanes, i).hits >= total:
         return FILLED
     age = lane.load_rests(lanes, i).age
@@ -274,7 +274,7 @@ def _begin(lanes, i, most, first):
 
 @inner
 def _turn(lanes, i, result):
-    """Return why a cell ends at a contact, or RUNNING: the sums then begin anew."""
+    """Return the reason why a cell ends at a contact, or RUNNING: the sums then begin anew."""
     motion, begun, k = lane.load_motion(lanes, i), load_begun(lanes, i), lane.load_constants(lanes, i)
     stuck = motion.u == 0.0 and motion.p == 0.0 and k.G <= -k.A
     if stuck or motion.n - begun.first > 2.0 * MOST:  # without an impact to come

@@ -27,7 +27,7 @@ def clearances(system: ImpactSystem, q: Floats, angle: Floats) -> Floats:
 
 
 def depth_of(stop: Stop, omega: float, q: Floats, v: Floats, angle: Floats) -> tuple[Floats, Floats]:
-    """Return how deep a stop is penetrated in m in states q, v at driving angles, and the rate of that in m/s."""
+    """Return the penetration of a stop in m in states q, v at driving angles, and its rate in m/s."""
     return q @ stop.direction - stop.gap - stop.shift(angle), v @ stop.direction - stop.speed(angle, omega)
 
 

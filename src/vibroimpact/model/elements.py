@@ -96,7 +96,7 @@ class Contact(NamedTuple):
     penetration_time: Any = math.nan
 
     def joined(self, other: Contact) -> Contact:
-        """Return what this part of a contact and a later one come to together."""
+        """Return the sum of this part of a contact and a later one."""
         if not other.contact_time:
             return self
         harder, deeper = other.peak_force > self.peak_force, other.penetration > self.penetration
@@ -197,7 +197,7 @@ class Element(ABC):
         """Return the scales of its numbers for the mass in kg that hits it and the angular driving frequency."""
 
     def too_short(self, mass: float, period: float) -> str:
-        """Return why a simpler stop is equivalent for a mass in kg and a driving period in s; "" if it is not."""
+        """Return the reason why a simpler stop is equivalent for a mass in kg and a period in s; "" if it is not."""
         return ""
 
 

@@ -102,7 +102,7 @@ def _between(x: Any, y: Any, angle: float) -> Any:
 
 
 def facet_error(facets: int) -> float:
-    r"""Return how much farther than the clearance n facets let a part go at worst, over the clearance.
+    r"""Return the largest distance beyond the clearance that n facets let a part go, over the clearance.
 
     .. math:: \frac{1}{\cos(\pi/n)} - 1
 

@@ -77,7 +77,7 @@ def resolved(
 
 
 def observed(system: Any, of: Any) -> tuple[NDArray[np.float64], int | None]:
-    """Return what is observed as a row over the coordinates, and the stop whose clearance it is.
+    """Return the observed point as a row over the coordinates, and the stop whose clearance it is.
 
     `of` is the name of a point or of a stop, the number of a coordinate from 0 on, or a row of factors; None means the
     only coordinate or point.

@@ -140,12 +140,12 @@ def check_units(model: Model, units: Mapping[str, str] | None) -> dict[str, str]
     chosen = dict(units or {})
     check_names(model.parameters, chosen)
     for name, unit in chosen.items():
-        own = model.parameters[name].unit
+        standard = model.parameters[name].unit
         try:
-            if unit != own:
-                _converted(1.0, own, unit)
+            if unit != standard:
+                _converted(1.0, standard, unit)
         except _registry()[1]:
-            allowed = "1 or %" if own == "1" else f"a unit that {own} can be turned into"
+            allowed = "1 or %" if standard == "1" else f"a unit that {standard} can be turned into"
             raise invalid(f"units[{name!r}]", unit, allowed) from None
     return chosen
 
@@ -207,13 +207,13 @@ def display(attrs: Mapping[str, Any]) -> tuple[float, dict[str, Any]]:
 
 def displayed_text(text: str, name: str, attrs: Mapping[str, Any]) -> str:
     """Return a message with the values of a parameter, which has these labels, in the unit to show."""
-    own, (factor, labels) = str(attrs.get("units", "")), display(attrs)
+    standard, (factor, labels) = str(attrs.get("units", "")), display(attrs)
     unit = labels.get("units", "")
 
     def converted(found: re.Match[str]) -> str:
         return name + re.sub(_NUMBER, lambda n: f"{float(n[0]) * factor:.11g}", found[1]) + f" {unit}"
 
-    pattern = rf"\b{re.escape(name)}( (?:=|from) {_NUMBER}(?: to {_NUMBER})?)(?: {re.escape(own)})?(?![\w.])"
+    pattern = rf"\b{re.escape(name)}( (?:=|from) {_NUMBER}(?: to {_NUMBER})?)(?: {re.escape(standard)})?(?![\w.])"
     return re.sub(pattern, converted, text) if DISPLAY in attrs else text
 
 
@@ -243,7 +243,7 @@ def _registry() -> tuple[Any, tuple[type[Exception], ...]]:
 
 
 def _registry_faults() -> tuple[type[Exception], ...]:
-    """Return what a conversion raises, also without pint."""
+    """Return the errors of a conversion, also without pint."""
     try:
         return _registry()[1]
     except ValueError:

@@ -85,13 +85,13 @@ def impact_damper(
     ('left', 'between_1', 'between_2', 'right')
     """
     names = ["left", *(f"between_{at}" for at in range(1, particles)), "right"]
-    own = {"left": left_restitution, "right": right_restitution}
+    restitutions = {"left": left_restitution, "right": right_restitution}
     stops = []
     for at, name in enumerate(names):
         direction = np.zeros(particles + 1)
         direction[at] += 1.0
         direction[(at + 1) % (particles + 1)] -= 1.0
-        r = first_given(own.get(name), restitution)
+        r = first_given(restitutions.get(name), restitution)
         stops.append(Stop(direction=direction, gap=clearance / (particles + 1), restitution=r, name=name))
     masses = [mass, *[particle_mass / particles] * particles]
     return _structure(masses, natural_frequency, damping_ratio, force, frequency, stops)
@@ -244,8 +244,8 @@ def tuned_mass_damper(
     absorber = mass_ratio * mass
     rate = radians(natural_frequency) * tuning
     link = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    own = left_restitution, right_restitution
-    stops = slot("left", "right", np.array([-1.0, 1.0]), 2.0 * stroke, None, own, restitution=restitution)
+    restitutions = left_restitution, right_restitution
+    stops = slot("left", "right", np.array([-1.0, 1.0]), 2.0 * stroke, None, restitutions, restitution=restitution)
     return _structure(
         [mass, absorber],
         natural_frequency,

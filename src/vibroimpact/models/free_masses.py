@@ -222,14 +222,14 @@ def idle_gear(
     0.625
     """
     omega = 2.0 * math.pi * order * rpm / 60.0
-    own = drive_restitution, coast_restitution
+    restitutions = drive_restitution, coast_restitution
     moves = base_radius * angular_acceleration / omega**2
     return ImpactSystem(
         mass=inertia,
         damping=rotational_damping,
         stiffness=0.0,
         force=Force(omega=omega, constant=-drag_torque),
-        stops=slot("drive", "coast", base_radius, backlash, moves, own, restitution=restitution),
+        stops=slot("drive", "coast", base_radius, backlash, moves, restitutions, restitution=restitution),
     )
 
 

@@ -34,7 +34,7 @@ def impact_statistics(
     transient_impacts: int = 100,
     sample_impacts: int = 5000,
 ) -> xr.Dataset:
-    r"""Return how often, how fast and how hard a motion strikes each support, and the energy that is lost there.
+    r"""Return rates, speeds, impulses and losses of the impacts of a motion on each support.
 
     Parameters
     ----------

@@ -55,9 +55,9 @@ def _places(ax: Axes, line: Line2D) -> Floats:
     wanted = np.linspace(0.0, lengths[-1], PLACES)
     dense = np.column_stack([np.interp(wanted, lengths, column) for column in points.T])
     frame = ax.get_window_extent()
-    seen = dense[[frame.contains(*point) for point in dense]]
-    middle = np.abs(np.arange(len(seen)) - 0.5 * len(seen))
-    return seen[np.argsort(middle, kind="stable")]
+    shown = dense[[frame.contains(*point) for point in dense]]
+    middle = np.abs(np.arange(len(shown)) - 0.5 * len(shown))
+    return shown[np.argsort(middle, kind="stable")]
 
 
 def _free(

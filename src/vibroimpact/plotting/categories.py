@@ -109,7 +109,7 @@ def _reasons(sweep: xr.Dataset, field: xr.DataArray, values: Any) -> Iterator[tu
 
 
 def _without(field: xr.DataArray) -> str:
-    """Return why an index of a persistent motion has no value; for an index of one stop, that it is not struck."""
+    """Return the reason why an index of a persistent motion has no value; that of one stop, if it is not struck."""
     if field.name == "grazing_margin":
         return "no near-miss"
     if field.name == "max_force":

@@ -84,7 +84,7 @@ def _laid_out(parts: Iterable[tuple[str, Iterable[Fact]]]) -> Iterator[str]:
 
 
 def _stopped(verdict: Verdict) -> str:
-    """Return why a verdict is incomplete: its cost has a limit, far above that of usual designs."""
+    """Return the reason why a verdict is incomplete: its cost has a limit, far above that of usual designs."""
     if verdict.steps < step_limit(verdict.oscillator):
         return "before the end; run it again to complete it"
     return (

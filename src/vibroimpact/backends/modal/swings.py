@@ -31,16 +31,18 @@ def swings(
 ) -> Outcome:
     """Return the indices of displacements of cells from where they have ended."""
     shape, direction, calm = cells.shape, _direction(cells, measurement.of), _forgets(cells, status)
-    sums, known = np.zeros((SWING + shape.stops, len(cells))), calm & (shape.harmonics <= 1)
-    sums[: swing.LEFT, known] = _steady(*_along(cells, direction))[:, known]
-    left = ~known & (status != Status.BUDGET) & (status != Status.INVALID_RESTITUTION)
+    sums, complete = np.zeros((SWING + shape.stops, len(cells))), calm & (shape.harmonics <= 1)
+    sums[: swing.LEFT, complete] = _steady(*_along(cells, direction))[:, complete]
+    left = ~complete & (status != Status.BUDGET) & (status != Status.INVALID_RESTITUTION)
     rows = np.argsort(status, kind="stable")  # the longest motions first, so that lanes end together
     rows = rows[left[rows]]
     if len(rows):
         begun = _settled(cells[rows], calm[rows])
-        sums[:, rows], known[rows] = _followed(begun, direction[rows], measurement, stopped)
+        sums[:, rows], complete[rows] = _followed(begun, direction[rows], measurement, stopped)
     outcome = _indices(sums, steps_of(cells), measurement.by_stop)
-    return {name: np.where(known, values, np.nan).T for name, values in outcome.items() if name in measurement.indices}
+    return {
+        name: np.where(complete, values, np.nan).T for name, values in outcome.items() if name in measurement.indices
+    }
 
 
 def _followed(
@@ -68,16 +70,16 @@ def of_one_mass(
     """Return the same of cells that the engine of one mass has followed to their end."""
     cell: Any = Cell(*sweep.cells[done].T)
     sums = np.zeros((SWING + 1, len(done)))
-    followed, known = sweep.swings(done, status, stopped)
-    sums[: swing.LEFT, known] = followed
+    followed, complete = sweep.swings(done, status, stopped)
+    sums[: swing.LEFT, complete] = followed
     calm, held = np.isin(status, FREE) & (cell.damping > 0.0), status == Status.STUCK_FOREVER
     m, c, k, force, omega = (values[calm] for values in cell[:5])
     sums[: swing.LEFT, calm] = _steady(0.0 * m, force / (k - m * omega**2 + 1j * omega * c))
     sums[: swing.LEFT, held] = _steady(cell.gap[held], 0.0j * cell.gap[held])
-    seen = _seen(sums, cells, measurement.of, cell.gap, sweep.ahead[done])
-    outcome = _indices(seen, np.ones(len(done)), measurement.by_stop)
+    sums = _of_displacement(sums, cells, measurement.of, cell.gap, sweep.ahead[done])
+    outcome = _indices(sums, np.ones(len(done)), measurement.by_stop)
     outcome = {name: values.T for name, values in outcome.items() if name in measurement.indices}
-    others = np.flatnonzero(~(known | calm | held))
+    others = np.flatnonzero(~(complete | calm | held))
     if len(others):  # near resonance, or without an impact to come
         systems = cells if isinstance(cells, SystemCells) else as_systems(cells)
         begun = resumed(systems[others], *sweep.states(done[others]))
@@ -93,7 +95,9 @@ def _steady(mean: Floats, wave: Any) -> Floats:
     return np.stack([1.0 + 0.0 * mean, mean, square, 0.5 * wave.real, 0.5 * wave.imag, mean - size, mean + size])
 
 
-def _seen(sums: Floats, cells: Cells, of: tuple[float, ...] | int | None, gap: Floats, ahead: Floats) -> Floats:
+def _of_displacement(
+    sums: Floats, cells: Cells, of: tuple[float, ...] | int | None, gap: Floats, ahead: Floats
+) -> Floats:
     """Return the sums of a displacement, or a clearance, from those of the oscillator's y."""
     if isinstance(cells, SystemCells):
         along, offset = _direction(cells, of)[:, :2].T
@@ -102,13 +106,13 @@ def _seen(sums: Floats, cells: Cells, of: tuple[float, ...] | int | None, gap: F
         factor, offset = (-1.0, gap) if isinstance(of, int) else (0.0 if of is None else of[0], 0.0)
     length, mean, square, sine, cosine, least, largest = sums[: swing.LEFT]
     wave = factor * (sine + 1j * cosine) * np.exp(2j * np.pi * ahead)
-    seen = sums.copy()
-    seen[swing.MEAN] = offset * length + factor * mean
-    seen[swing.SQUARE] = offset**2 * length + 2.0 * offset * factor * mean + factor**2 * square
-    seen[swing.SINE], seen[swing.COSINE] = wave.real, wave.imag
+    moved = sums.copy()
+    moved[swing.MEAN] = offset * length + factor * mean
+    moved[swing.SQUARE] = offset**2 * length + 2.0 * offset * factor * mean + factor**2 * square
+    moved[swing.SINE], moved[swing.COSINE] = wave.real, wave.imag
     ends = offset + factor * np.stack([least, largest])
-    seen[swing.LEAST], seen[swing.LARGEST] = ends.min(axis=0), ends.max(axis=0)
-    return seen
+    moved[swing.LEAST], moved[swing.LARGEST] = ends.min(axis=0), ends.max(axis=0)
+    return moved
 
 
 def _forgets(cells: SystemCells, status: Counts) -> NDArray[np.bool_]:
@@ -127,8 +131,8 @@ def _waves(cells: SystemCells) -> Any:
 def _along(cells: SystemCells, direction: Floats) -> tuple[Floats, Any]:
     """Return the constant and the first harmonic of the steady motion along directions."""
     n, first = cells.shape.modes, min(cells.shape.harmonics, 1)
-    own = direction[:, n + 1 : n + 1 + 2 * first].reshape(len(cells), first, 2)
-    wave = (direction[:, :n, None] * _waves(cells)[..., :first]).sum(axis=1) + own[..., 0] + 1j * own[..., 1]
+    motion = direction[:, n + 1 : n + 1 + 2 * first].reshape(len(cells), first, 2)
+    wave = (direction[:, :n, None] * _waves(cells)[..., :first]).sum(axis=1) + motion[..., 0] + 1j * motion[..., 1]
     return direction[:, n] + (direction[:, :n] * cells.block("steady")[:, :n]).sum(axis=1), wave.sum(axis=1)
 
 
@@ -146,14 +150,14 @@ def _settled(cells: SystemCells, calm: NDArray[np.bool_]) -> SystemCells:
 def _direction(cells: SystemCells, of: tuple[float, ...] | int | None) -> Floats:
     """Return the factors of the modes, and the constant and harmonics of what moves by itself."""
     k = cells.shape
-    own = np.zeros((len(cells), 1 + 2 * k.harmonics))
+    motion = np.zeros((len(cells), 1 + 2 * k.harmonics))
     if isinstance(of, int):
         along = -cells.block("alpha").reshape(len(cells), k.stops, k.modes)[:, of]
-        own[:, 0] = cells.block("gap")[:, of]
-        own[:, 1:] = cells.block("motion").reshape(len(cells), k.stops, -1)[:, of]
+        motion[:, 0] = cells.block("gap")[:, of]
+        motion[:, 1:] = cells.block("motion").reshape(len(cells), k.stops, -1)[:, of]
     else:
         along = np.einsum("i,kij->kj", np.zeros(k.modes) if of is None else np.array(of), cells.shapes)
-    return np.concatenate([along, own], axis=1)
+    return np.concatenate([along, motion], axis=1)
 
 
 def _indices(sums: Floats, step: Floats, by_stop: bool) -> dict[str, Any]:

@@ -47,7 +47,7 @@ def parts_abruptly(rows, z, k):
 
 @inner(forceinline=True)
 def quickens(rows, z, k, wide):
-    """Return what a stop that pushes adds to the fastest rate, squared, and to the damping, over those of flight."""
+    """Return the additions of a pushing stop to the fastest rate, squared, and to the damping, over those of flight."""
     return get(rows, k.hard + z, wide), get(rows, k.thick + z, wide)
 
 

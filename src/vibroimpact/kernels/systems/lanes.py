@@ -90,7 +90,7 @@ def _close(lanes, lane, notes, rows, note, k, room, window, alone):
 
 @inner(inline="always")
 def _ended(lanes, lane, notes, rows, note, k, room, window, alone):
-    """Return why the cell in a lane ends here, or RUNNING; an ended one's note is left."""
+    """Return the reason why the cell in a lane ends here, or RUNNING; an ended one's note is left."""
     hits, age, steps = notes[HITS * LANES + lane], lanes[k.age * LANES + lane], lanes[k.steps * LANES + lane]
     lawful = lanes[k.lawless * LANES + lane] == 0.0
     still = k.compliant and repetition_is_due(notes, LANES, lane, lanes[(k.turn + 2) * LANES + lane])

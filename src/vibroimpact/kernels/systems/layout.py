@@ -20,7 +20,7 @@ NOTHING, CONTACT, STALLED = 0.0, 1.0, 2.0  # what ended a step; the last: it is 
 def _sizes(
     n: int, s: int, m: int, flow: int, thorough: bool, compliant: bool, far: bool, free: bool, swinging: bool
 ) -> dict[str, int]:
-    """Return how many rows each number of a cell takes, in their order, with `flow` numbers of a mode's flow.
+    """Return the number of rows of each quantity of a cell, in their order, with `flow` numbers of a mode's flow.
 
     `eta`, `rate` (eta' in steps), `turn` (sin wt, cos wt, whole periods) are the state; `kind` says how each stop is
     left or held; `age` and `steps` count the steps flown since an event and in all; `held` is the inverse of alpha

@@ -116,7 +116,7 @@ def _farthest(y, p, load, damping):
 
 @deferred("ends of motions", 0.6, types.intp)
 def ending(rows, k, room, note, total):
-    """Return why a cell ends here, or RUNNING."""
+    """Return the reason why a cell ends here, or RUNNING."""
     if rows[k.lawless] > 0.0:
         return LAWLESS
     if note[HITS] >= total:

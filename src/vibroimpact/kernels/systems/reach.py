@@ -24,7 +24,7 @@ SPAN = 12.0  # steps: the most that are made before stops are sorted again, but 
 
 @inner(forceinline=True)
 def in_reach(rows, z, k, wide):
-    """Return where a stop may be reached before stops are sorted again."""
+    """Return whether a stop may be reached before stops are sorted again."""
     return get(rows, k.remote + z, wide) <= 0.0
 
 

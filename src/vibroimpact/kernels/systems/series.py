@@ -125,7 +125,7 @@ def either(truth, a, b):
 
 @inner(forceinline=True)
 def load(rows, first, wide):
-    """Return what lies in rows from the first on."""
+    """Return the numbers in rows from the first on."""
     return (
         get(rows, first + 0, wide), get(rows, first + 1, wide), get(rows, first + 2, wide), get(rows, first + 3, wide),
         get(rows, first + 4, wide), get(rows, first + 5, wide), get(rows, first + 6, wide), get(rows, first + 7, wide),

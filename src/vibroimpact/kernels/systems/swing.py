@@ -24,7 +24,7 @@ LENGTH, MEAN, SQUARE, SINE, COSINE, LEAST, LARGEST, LEFT = range(8)
 
 @inner(forceinline=True)
 def end_with_period(rows, end, close, k, wide):
-    """Return where a step ends that does not go beyond the driving period, and whether it still ends at a contact."""
+    """Return the end of a step that does not go beyond the driving period, and whether it still ends at a contact."""
     left = get(rows, k.swing + LEFT, wide) / get(rows, k.pace, wide)
     cut = left <= end
     return select(cut, left, end), close & no(cut)
@@ -33,8 +33,8 @@ def end_with_period(rows, end, close, k, wide):
 @inner(forceinline=True)
 def _along(rows, pace, k, wide):
     """Return the coefficients of y."""
-    own = k.along + k.modes
-    b = driven(rows, get(rows, own, wide), own + 1, pace, k, wide)
+    still = k.along + k.modes
+    b = driven(rows, get(rows, still, wide), still + 1, pace, k, wide)
     for j in range(k.modes):
         b = plus_times(b, get(rows, k.along + j, wide), load(rows, k.flight + j * SIZE, wide))
     return coefficients(b)

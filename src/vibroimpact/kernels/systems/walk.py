@@ -69,7 +69,7 @@ SLACK = 1e-9  # periods: looks that are so little ahead may be behind, but for r
 
 @inner
 def _ahead(record, lane, schedule, periods, phase):
-    """Return how many periods after that time the next look of a lane is."""
+    """Return the time from there to the next look of a lane, in periods."""
     times, number = schedule.times[lane], record.filled[lane, 1]
     return (times[0, number] - periods) + (times[1, number] - phase)
 
@@ -225,7 +225,7 @@ def _is_full(k, record, lane):
 
 @inner
 def _end(rows, k, room, note, record, lane, schedule, window, alone, due):
-    """Return why a cell stops here, RUNNING if for a full buffer alone, or that it goes on."""
+    """Return the reason why a cell stops here, RUNNING if for a full buffer alone, or that it goes on."""
     if rows[k.lawless] > 0.0:
         return LAWLESS
     full = _is_complete(record, lane, note, schedule, window)
