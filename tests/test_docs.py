@@ -3,6 +3,7 @@
 import ast
 import doctest
 import importlib
+import inspect
 import json
 import pkgutil
 import re
@@ -142,6 +143,21 @@ def test_every_docstring_example_gives_what_it_shows(name, tmp_path, monkeypatch
 def test_every_public_function_has_an_example():
     without = [name for name in vi.__all__ if name not in ("Status", "Tolerances", "models", "plotting")]
     assert [name for name in without if ">>> " not in (getattr(vi, name).__doc__ or "")] == []
+
+
+FUNCTIONS = {
+    name: function
+    for module in (vi, vi.models, vi.plotting)
+    for name in dir(module)
+    if not name.startswith("_") and inspect.isfunction(function := getattr(module, name))
+}
+
+
+@pytest.mark.parametrize("function", FUNCTIONS.values(), ids=FUNCTIONS)
+def test_the_documentation_of_a_function_has_every_argument_below_its_heading(function):
+    text = inspect.getdoc(function)
+    assert not re.search(r"\w -{4,}", text)
+    assert [name for name in inspect.signature(function).parameters if not re.search(rf"\b{name}\b", text)] == []
 
 
 GLOSSARY = DOCS / "reference" / "glossary.md"

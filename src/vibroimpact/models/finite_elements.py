@@ -87,11 +87,13 @@ def fe_beam(
 
     .. math:: E I w'''' + m' \ddot w + \mathrm{damping} = \sum_i F_i(t)\, \delta(x - x_i)
 
-    Notes ----- Static deflections of the nodes are exact for forces anywhere. Natural frequencies of waves cos(bx) are
-    too high by the fraction (b h)^4/1440 with elements of length h; those of rigid-body modes are exactly 0. With rigid
-    stops, results depend on the number of modes and do not converge: see `cantilever_with_stop`. If the supports move
-    with an acceleration a(t), w is relative to them, and the load is -m' L a(t) along the span (0, L). Left out: shear
-    and rotary inertia, axial loads, large deflections.
+    Notes
+    -----
+    Static deflections of the nodes are exact for forces anywhere. Natural frequencies of waves cos(bx) are too high by
+    the fraction (b h)^4/1440 with elements of length h; those of rigid-body modes are exactly 0. With rigid stops,
+    results depend on the number of modes and do not converge: see `cantilever_with_stop`. If the supports move with an
+    acceleration a(t), w is relative to them, and the load is -m' L a(t) along the span (0, L). Left out: shear and
+    rotary inertia, axial loads, large deflections.
 
     References
     ----------
@@ -145,9 +147,11 @@ def fe_rod(
 
     .. math:: -E A u'' + m' \ddot u + \mathrm{damping} = \sum_i F_i(t)\, \delta(x - x_i)
 
-    Notes ----- Static displacements of the nodes are exact for forces anywhere. Natural frequencies of waves cos(bx)
-    are too high by the fraction (b h)^2/24 with elements of length h; that of the rigid-body mode is exactly 0. Left
-    out: lateral inertia and bending.
+    Notes
+    -----
+    Static displacements of the nodes are exact for forces anywhere. Natural frequencies of waves cos(bx) are too high
+    by the fraction (b h)^2/24 with elements of length h; that of the rigid-body mode is exactly 0. Left out: lateral
+    inertia and bending.
 
     References
     ----------
