@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import math
 import re
+from dataclasses import replace
 
 import pytest
 import xarray as xr
 
 import vibroimpact as vi
 from processes import names
-from vibroimpact.cli import compute
+from vibroimpact.cli import compute, output
+from vibroimpact.cli.orbits import orbits_json
 from vibroimpact.dataset import bundle, unbundle
+from vibroimpact.orbits.results import Orbits
 
 PLANE = "--x omega=2.5:2.8 --y restitution=0.7:0.9 --lines 2 --step 0.05 --periods 1"
 STARTS = "--x phase=0:1:12 --y velocity=0:3:10"
@@ -72,6 +76,13 @@ def test_orbits_as_json_hold_every_digit(run, tmp_path):
     assert (stored["velocities"], stored["phases"]) == (list(orbit.velocities), list(orbit.phases))
     assert [complex(*pair) for pair in stored["multipliers"]] == list(orbit.multipliers)
     assert (stored["stable"], stored["admissible"], stored["stick_phase"]) == (False, True, None)
+
+
+def test_a_multiplier_without_bound_at_a_graze_is_a_word_in_json():
+    (orbit,) = vi.find_orbit(vi.ImpactOscillator(omega=2.8))
+    grazing = Orbits([replace(orbit, multipliers=(complex(-math.inf, 0.0), 0j))])
+    (stored,) = json.loads(output.as_json(orbits_json(grazing, orbit.model)))["orbits"]
+    assert stored["multipliers"] == [["-inf", 0.0], [0.0, 0.0]]
 
 
 def test_orbits_are_saved_told_again_and_converted(run, tmp_path):

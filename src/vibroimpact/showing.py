@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import html
+import math
 import re
 import reprlib
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import fields
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from itertools import zip_longest
 from typing import Any, NamedTuple
 
@@ -81,6 +82,24 @@ def _cell(value: Any) -> str:
         return "".join(f"<div>{_cell(each)}</div>" for each in value)
     text = f"{value:.4g}" if isinstance(value, float) else str(value)
     return html.escape(text).replace("\n", "<br>")
+
+
+# As data
+
+
+def plain(value: Any) -> Any:
+    """Return content ready for JSON: NaN as None, infinity as "inf" or "-inf", complex numbers as pairs."""
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if is_dataclass(value):
+        return {part.name: plain(getattr(value, part.name)) for part in fields(value)}
+    if isinstance(value, complex):
+        return plain((value.real, value.imag))
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else "inf" if value > 0.0 else "-inf"
+    return value
 
 
 # In plain text

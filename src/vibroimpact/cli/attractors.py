@@ -13,6 +13,7 @@ from vibroimpact.cli.endings import Interrupted, refusing
 from vibroimpact.cli.options import Options, with_options
 from vibroimpact.cli.study import study_of
 from vibroimpact.progress import Meter, duration
+from vibroimpact.showing import plain
 
 if TYPE_CHECKING:
     from vibroimpact.coexistence import Attractor
@@ -53,14 +54,12 @@ def attractors(options: Options) -> None:
 
 def _content(model: Model, found: list[Attractor]) -> dict[str, Any]:
     """Return attractors as plain dictionaries, lists, numbers and text."""
-    from vibroimpact.verdict.describe import plain
-
     design = model.at()
     rows = [
         {"name": each.name, **{part.name: getattr(each, part.name) for part in fields(each) if part.name not in UNTOLD}}
         for each in found
     ]
     for row in rows:
-        row |= {"start": vars(row["start"]), "status": row["status"].word}
+        row["status"] = row["status"].word
     content: dict[str, Any] = plain({design.kind: design.plain(), "attractors": rows})
     return content

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
@@ -19,6 +19,7 @@ from vibroimpact.compiling import before_compiling, clock
 from vibroimpact.model.units import quantity
 from vibroimpact.parameters import choice
 from vibroimpact.progress import Meter, duration
+from vibroimpact.showing import plain
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -103,33 +104,19 @@ def orbits_json(orbits: Orbits[Any], model: Model) -> dict[str, Any]:
         design.kind: design.plain(),
         "outcome": orbits.outcome,
         "message": orbits.sentence,
-        "orbits": [_plain(orbit) for orbit in orbits],
+        "orbits": [_described(orbit) for orbit in orbits],
     }
 
 
 SUMMED = "name", "stable", "trace", "determinant"
 
 
-def _plain(orbit: Orbit) -> dict[str, Any]:
+def _described(orbit: Orbit) -> dict[str, Any]:
     names = (part.name for part in fields(orbit) if part.name not in ("oscillator", "family"))
     content = {name: getattr(orbit, name) for name in names}
-    for key in {"multipliers", "half_multipliers", "neutral"} & set(content):
-        content[key] = [[z.real, z.imag] for z in content[key]]
-    if "start" in content:
-        content["start"] = asdict(content["start"])
     if "contacts" in content:
         content |= {key: [each._asdict() for each in content[key]] for key in ("contacts", "rests")}
-    plain: dict[str, Any] = _without_nan(content | {key: getattr(orbit, key) for key in SUMMED})
-    return plain
-
-
-def _without_nan(value: Any) -> Any:
-    """Return plain content with None in the place of NaN."""
-    if isinstance(value, dict):
-        return {key: _without_nan(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_without_nan(entry) for entry in value]
-    return None if isinstance(value, float) and math.isnan(value) else value
+    return {key: plain(value) for key, value in {**content, **{key: getattr(orbit, key) for key in SUMMED}}.items()}
 
 
 # Branches

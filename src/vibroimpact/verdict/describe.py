@@ -15,7 +15,7 @@ from vibroimpact.model.units import check_units
 from vibroimpact.motion import Motion
 from vibroimpact.options import Tolerances
 from vibroimpact.progress import Report, reporter
-from vibroimpact.showing import Shown, Table
+from vibroimpact.showing import Shown, Table, plain
 from vibroimpact.verdict.advice import Advice, advise
 from vibroimpact.verdict.boundaries import nearest_boundaries
 from vibroimpact.verdict.branches import Branches
@@ -135,12 +135,13 @@ class Verdict(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain dictionaries, lists, numbers and text, ready for JSON: NaN as None, infinity as "-inf"."""
-        content = {
-            **({} if self.model is self.oscillator else {"model": {"family": str(self.model), **self.model.values}}),
+        family = {} if self.model is self.oscillator else {"model": {"family": str(self.model), **self.model.values}}
+        content: dict[str, Any] = {
+            **family,
             self.oscillator.kind: self.oscillator.plain(),
             "kind": self.kind,
             "motion": asdict(self.motion) | {"name": self.motion.name},
-            "multipliers": [[z.real, z.imag] for z in self.orbit.multipliers] if self.orbit else None,
+            "multipliers": self.orbit and self.orbit.multipliers,
             "stops": self.stops,
             "status": self.status,
             "indices": self.indices,
@@ -151,22 +152,11 @@ class Verdict(Shown):
             "power": self.power,
             "rate": self.rate,
             "boundaries": [asdict(edge) | {"accuracy": edge.accuracy} for edge in self.boundaries],
-            "attractors": [asdict(motion) for motion in self.attractors],
-            "advice": [asdict(advice) for advice in self.advice],
+            "attractors": self.attractors,
+            "advice": self.advice,
             "complete": self.complete,
         }
         return {name: plain(value) for name, value in content.items()}
-
-
-def plain(value: Any) -> Any:
-    """Return content ready for JSON: NaN as None, infinity as "inf" or "-inf"."""
-    if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None if math.isnan(value) else "inf" if value > 0.0 else "-inf"
-    return value
 
 
 def describe(
