@@ -151,6 +151,16 @@ def times(number: int) -> str:
     return "once" if number == 1 else f"{number} times"
 
 
+def with_unit(number: str, unit: str) -> str:
+    """Return a number, or several, followed by the unit; pure numbers have none."""
+    return number if unit in ("", "1") else f"{number} {unit}"
+
+
+def labelled(name: str, unit: str) -> str:
+    """Return a name with the unit in brackets, as on an axis; pure numbers have none."""
+    return name if unit in ("", "1") else f"{name} [{unit}]"
+
+
 def printable(text: str) -> str:
     """Return a text from elsewhere with its control codes and line ends escaped."""
     return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text)

@@ -33,7 +33,7 @@ from vibroimpact.model.units import (
     without_unit,
 )
 from vibroimpact.options import Tolerances
-from vibroimpact.parameters import OF_ONE_MASS, Parameter, closest, invalid, unknown, whole_number
+from vibroimpact.parameters import OF_ONE_MASS, Parameter, closest, invalid, unknown, whole_number, with_unit
 
 if TYPE_CHECKING:
     from vibroimpact.cells import Floats
@@ -340,8 +340,8 @@ def span_values(parameter: Parameter, span: Mapping[str, Any], least: int = 1) -
         if points > MOST_POINTS:
             raise invalid(f"{name}.points", points, f"at most {MOST_POINTS:,}")
         if points > 1 and not low < high:
-            unit = f" {parameter.unit}".removesuffix(" 1")
-            raise ValueError(f"`{name}` must increase, got {low:g} to {high:g}{unit}; give the smaller end first")
+            got = with_unit(f"{low:g} to {high:g}", parameter.unit)
+            raise ValueError(f"`{name}` must increase, got {got}; give the smaller end first")
         if points == 1 and low != high:
             hint = f"for a single value give {low:g} as both ends"
             raise invalid(f"{name}.points", points, f"at least 2 from {low:g} to {high:g}", hint)

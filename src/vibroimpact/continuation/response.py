@@ -21,7 +21,6 @@ from vibroimpact.continuation.results import (
     BifurcationPoint,
     Branch,
     axis,
-    headed,
     kind_variable,
     responses,
     span_text,
@@ -33,7 +32,7 @@ from vibroimpact.model.points import observed
 from vibroimpact.model.units import display
 from vibroimpact.orbits.search import find_orbit
 from vibroimpact.orbits.systems.response import Response, Steady, response_of, steady_motion
-from vibroimpact.parameters import counted, invalid
+from vibroimpact.parameters import counted, invalid, labelled, with_unit
 from vibroimpact.progress import Report, reporter
 from vibroimpact.request import check_apart, units_of
 from vibroimpact.showing import Shown, Table
@@ -125,10 +124,10 @@ class ResponseCurve(Shown):
         shown, factor = displayed(self.dataset), display(self.dataset[self.parameter].attrs)[0]
         largest, along = shown["amplitude"].values, shown[self.parameter]
         at = int(np.nanargmax(largest))
-        unit = f" {along.attrs['units']}".removesuffix(" 1")
-        where = f"{self.parameter} = {float(along[at]):.6g}{unit}"
+        unit = along.attrs["units"]
+        where = with_unit(f"{self.parameter} = {float(along[at]):.6g}", unit)
         rows = [(b.orbits[0].name, len(b.orbits), *np.sort(factor * b.values[[0, -1]]).tolist()) for b in self.branches]
-        head = ("orbits with contact", "number", *(headed(end, along.attrs) for end in ("from", "to")))
+        head = ("orbits with contact", "number", *(labelled(end, unit) for end in ("from", "to")))
         notes = [f"largest amplitude: {largest[at]:.4g} m at {where}", shown.attrs["message"]]
         return Table(f"response along {self.parameter}", head, rows, notes)
 

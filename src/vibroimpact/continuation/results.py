@@ -25,7 +25,7 @@ from vibroimpact.model.units import DISPLAY, display, displayed_text
 from vibroimpact.orbits.labelled import number, orbit_variables
 from vibroimpact.orbits.orbit import SPLIT
 from vibroimpact.orbits.systems.response import Response, response_of
-from vibroimpact.parameters import ENERGY, counted, parameter_of
+from vibroimpact.parameters import ENERGY, counted, labelled, parameter_of, with_unit
 from vibroimpact.showing import Shown, Table
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ class Branch(Shown):
         ]
         return Table(
             f"{self.orbits[0].name} along {self.parameter}: {counted(len(self.orbits), 'orbit')}",
-            ("bifurcation", headed(self.parameter, shown), "hardest impact [m/s]"),
+            ("bifurcation", labelled(self.parameter, shown["units"]), "hardest impact [m/s]"),
             rows,
             [displayed_text(self.message, self.parameter, attrs)],
         )
@@ -260,7 +260,7 @@ class Boundary(Shown):
         for name in self.parameters:
             attrs = axis_labels(first.model, name, self.units)
             factor, shown = display(attrs)
-            heads.append(headed(name, shown))
+            heads.append(labelled(name, shown["units"]))
             factors.append(factor)
             message = displayed_text(message, name, attrs)
         values = self.values * factors
@@ -322,18 +322,12 @@ def course(what: str, orbits: Sequence[Any], names: Sequence[str], ends: tuple[s
 
 def value_text(model: Model, name: str, value: float, digits: int = 12) -> str:
     """Return a parameter and its value, with its unit."""
-    return f"{name} = {value:.{digits}g} {parameter_of(model, name).unit}".removesuffix(" 1").rstrip()
+    return with_unit(f"{name} = {value:.{digits}g}", parameter_of(model, name).unit)
 
 
 def span_text(model: Model, name: str, ends: tuple[float, float]) -> str:
     """Return a parameter and its range, with its unit."""
-    unit = parameter_of(model, name).unit
-    return f"{name} from {ends[0]:.12g} to {ends[1]:.12g} {unit}".removesuffix(" 1").rstrip()
-
-
-def headed(name: str, attrs: Mapping[str, str]) -> str:
-    """Return the heading of a column: a name with the unit among its labels."""
-    return name if attrs["units"] in ("", "1") else f"{name} [{attrs['units']}]"
+    return with_unit(f"{name} from {ends[0]:.12g} to {ends[1]:.12g}", parameter_of(model, name).unit)
 
 
 def axis_labels(model: Model, name: str, units: Mapping[str, str]) -> dict[str, str]:

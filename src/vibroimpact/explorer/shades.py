@@ -18,6 +18,7 @@ from vibroimpact.explorer.state import GREEK, RAISED, written
 from vibroimpact.figures import EXPONENTS, MOTION
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import motion_name, refined
+from vibroimpact.parameters import labelled, with_unit
 from vibroimpact.plotting.categories import COUNTS, missing_layers, motion_layers, number_layers
 from vibroimpact.plotting.cells import COLORS, SIGNED, symmetric_limit
 from vibroimpact.plotting.labels import WORDS
@@ -127,8 +128,8 @@ def _unit(units: str, power: int) -> str:
     """Return a unit with a prefix or a power of ten, in brackets; empty for a pure number."""
     unit = prefixed(units, power)
     if unit is None:
-        unit = f"10{str(power).translate(RAISED)} {units}".removesuffix(" 1")
-    return "" if unit == "1" else f" [{unit}]"
+        unit = with_unit(f"10{str(power).translate(RAISED)}", units)
+    return labelled("", unit)
 
 
 def _ticks(low: float, high: float, log: bool, unit: float) -> Iterator[tuple[float, str]]:

@@ -16,7 +16,7 @@ from vibroimpact.indices import INDICES, Index
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.units import without_unit
-from vibroimpact.parameters import Parameter, hertz, invalid, radians, real_number
+from vibroimpact.parameters import Parameter, hertz, invalid, labelled, radians, real_number, with_unit
 
 SHOWN = (MOTION, *INDICES)
 SAMPLES = (200, 500, 1000, 2000, 5000)
@@ -352,20 +352,18 @@ def shown_unit(unit: str) -> str:
 
 def quantity_of(parameter: Parameter, value: float) -> str:
     """Return a parameter with its value and unit, such as 'ω = 157 rad/s'."""
-    return f"{symbol(parameter)} = {written(value)} {shown_unit(parameter.unit)}".strip()
+    return with_unit(f"{symbol(parameter)} = {written(value)}", shown_unit(parameter.unit))
 
 
 def parameter_label(parameter: Parameter, units: bool = True) -> str:
     """Return the label of a parameter, such as 'driving frequency ω [rad/s]'."""
     name = _words(parameter)
-    return _labelled(name if symbol(parameter) == name else f"{name} {symbol(parameter)}", parameter.unit, units)
+    label = name if symbol(parameter) == name else f"{name} {symbol(parameter)}"
+    return labelled(label, shown_unit(parameter.unit)) if units else label
 
 
 def index_label(index: Index, units: bool = True, shorter: bool = False) -> str:
     """Return the label of an index, such as 'Std of impact velocities [m/s]', with a short form for tables."""
     name = SHORT.get(index.long_name, index.long_name)
-    return _labelled(SHORTEST.get(index.long_name, name) if shorter else name, index.units, units)
-
-
-def _labelled(name: str, unit: str, units: bool) -> str:
-    return f"{name} [{shown_unit(unit)}]" if units and shown_unit(unit) else name
+    label = SHORTEST.get(index.long_name, name) if shorter else name
+    return labelled(label, shown_unit(index.units)) if units else label

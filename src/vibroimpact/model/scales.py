@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.model import Model
-from vibroimpact.parameters import CRITICAL, Scale, critical_damping
+from vibroimpact.parameters import CRITICAL, Scale, critical_damping, with_unit
 from vibroimpact.parameters import LIGHT as LIGHT
 
 WIDEST = 200  # powers of two between which the size of a family's parameter is searched for
@@ -45,7 +45,7 @@ def is_own_scale(model: Model, name: str, value: float) -> bool:
 
 def _unit(model: Model, name: str) -> Scale:
     """Return one unit, for designs in which nothing has a comparable size: their motions are similar at any size."""
-    return Scale(1.0, f"1 {model.parameters[name].unit}".removesuffix(" 1"))
+    return Scale(1.0, with_unit("1", model.parameters[name].unit))
 
 
 # Parameters of families
@@ -61,7 +61,7 @@ def _of_family(model: Model, name: str) -> Scale:
         return Scale(0.0)
     far = _relative_change(model, name, 2.0**high)
     size = 2.0**high / far if math.isfinite(far) else 2.0**high
-    return Scale(size, f"{size:.3g} {unit}".removesuffix(" 1"))
+    return Scale(size, with_unit(f"{size:.3g}", unit))
 
 
 def _relative_change(model: Model, name: str, value: float) -> float:

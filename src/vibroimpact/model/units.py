@@ -10,7 +10,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from vibroimpact.model import Model, check_names
-from vibroimpact.parameters import Parameter, counted, invalid, to_install
+from vibroimpact.parameters import Parameter, counted, invalid, to_install, with_unit
 
 MANY = 16  # values, at most, in a line
 DISPLAY = "display_units"  # the attribute of labelled values that names the unit in which they are written and drawn
@@ -119,7 +119,7 @@ def shown_value(model: Model, name: str, value: float, units: Mapping[str, str])
 def quantity(model: Model, name: str, value: float, digits: int, units: Mapping[str, str]) -> str:
     """Return a value of a parameter with its unit, both as `shown_as` writes them."""
     unit = shown_as(model, name, units)[1]
-    return f"{shown_value(model, name, value, units):.{digits}g} {unit}".removesuffix(" 1")
+    return with_unit(f"{shown_value(model, name, value, units):.{digits}g}", unit)
 
 
 def is_unit(text: str) -> bool:

@@ -15,7 +15,7 @@ from matplotlib.axis import Axis
 from vibroimpact.dataset import VARIABLES, model_of
 from vibroimpact.model import Model
 from vibroimpact.model.units import DISPLAY, display
-from vibroimpact.parameters import counted
+from vibroimpact.parameters import counted, hertz
 from vibroimpact.plotting.ticks import power_of, quantity, scale_axis, unit_label
 
 MOST = 8  # most parameter values in a title
@@ -127,8 +127,8 @@ def value_text(symbol: str, value: float, units: str) -> str:
 
 def parameter_value_text(symbol: str, value: float, units: str) -> str:
     """Return a parameter and its value; angular frequencies are also given in Hz."""
-    hertz = f" ({quantity(value / (2.0 * np.pi), 'Hz')})" if units == "rad/s" else ""
-    return value_text(symbol, value, units) + hertz
+    in_hertz = f" ({quantity(hertz(value), 'Hz')})" if units == "rad/s" else ""
+    return value_text(symbol, value, units) + in_hertz
 
 
 def parameter_text(name: str, model: Model) -> str:

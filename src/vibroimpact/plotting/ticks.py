@@ -12,6 +12,8 @@ import xarray as xr
 from matplotlib.axis import Axis
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
+from vibroimpact.parameters import labelled, with_unit
+
 PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 3: "k", 6: "M", 9: "G", 12: "T"}
 PREFIXED = re.compile(r"(m|s|N|J|Hz|g)(?=$|[ /])(.*)")  # units that take a prefix, to the first power
 PLAIN = (0.01, 1e5)  # largest value shown without a prefix
@@ -60,15 +62,15 @@ def quantity(value: float, units: str, digits: int = 5) -> str:
     unit = prefixed(units, power)
     if unit is None:
         unit, power = units, 0
-    return f"{value / 10.0**power:.{digits}g}" + ("" if unit in ("", "1") else f" {unit}")
+    return with_unit(f"{value / 10.0**power:.{digits}g}", unit)
 
 
 def unit_label(units: str, power: int) -> str:
     """Return the label of a unit times a power of ten, in brackets; empty for pure numbers."""
     unit = prefixed(units, power)
     if unit is None:
-        unit = f"$10^{{{power}}}$" + ("" if units in ("", "1") else f" {units}")
-    return "" if unit in ("", "1") else f" [{unit}]"
+        unit = with_unit(f"$10^{{{power}}}$", units)
+    return labelled("", unit)
 
 
 class _Shown:

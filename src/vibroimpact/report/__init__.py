@@ -16,7 +16,7 @@ from vibroimpact.dataset import bifurcation_name, displayed, model_of, unbundle
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
 from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along, motion_name
 from vibroimpact.motion.recognition import recognise, recurrence
-from vibroimpact.parameters import counted, hertz, times
+from vibroimpact.parameters import counted, hertz, times, with_unit
 from vibroimpact.report.quantities import axis_range, initial_condition, quantity, spaced, span
 from vibroimpact.report.statistics import statistics_sentences
 from vibroimpact.report.sweeps import diagram_sentences, map_sentences
@@ -181,8 +181,8 @@ def _branches(dataset: xr.Dataset) -> Iterator[str]:
         head = f"branch {at} of {len(branches)}, " if len(branches) > 1 else ""
         yield f"{head}{motion_along(branch)}: {counted(branch.sizes['point'], 'orbit')}, {branch.attrs['message']}"
         intervals = [f"{low:.6g} to {high:.6g}" for low, high in _stable_intervals(branch, parameter)]
-        units = quantity(0.0, branch[parameter].attrs["units"]).removeprefix("0")
-        yield f"  stable for {parameter} {listed(intervals)}{units}" if intervals else "  nowhere stable"
+        where = with_unit(listed(intervals), branch[parameter].attrs["units"])
+        yield f"  stable for {parameter} {where}" if intervals else "  nowhere stable"
         kinds = _meanings(branch["special_kind"])
         for i in range(branch.sizes["special"]):
             point = branch.isel(special=i)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from vibroimpact.parameters import with_unit
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -17,13 +19,12 @@ def span(values: xr.DataArray) -> str:
     """Return the smallest and the largest of some values, with their unit."""
     low, high = float(values.min()), float(values.max())
     ends = f"{low:.4g}" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g}"
-    units = values.attrs.get("units", "1")
-    return ends if units == "1" else f"{ends} {units}"
+    return with_unit(ends, values.attrs.get("units", "1"))
 
 
 def quantity(value: float, units: str, digits: int = 12) -> str:
     """Return a value with its unit."""
-    return f"{value:.{digits}g}" + ("" if units == "1" else f" {units}")
+    return with_unit(f"{value:.{digits}g}", units)
 
 
 def place_of(dataset: Any, name: str, digits: int = 4) -> str:

@@ -16,7 +16,7 @@ from vibroimpact.indices import EVERY, ROUNDING, VELOCITY_INDICES, spread_scale
 from vibroimpact.motion import MotionClass, decide, listed, may_wind, motion_name, refined
 from vibroimpact.motion.classes import NEEDED, classify
 from vibroimpact.motion.recognition import cycle_length, recurrence
-from vibroimpact.parameters import counted
+from vibroimpact.parameters import counted, with_unit
 from vibroimpact.report.quantities import axis_range, initial_condition, place_of, quantity, spaced, span
 from vibroimpact.status import Status
 
@@ -126,7 +126,7 @@ def diagram_sentences(dataset: xr.Dataset) -> Iterator[str]:
     """Yield the content of a diagram: ranges of its samples, and the motions along its axis."""
     axis = str(dataset["status"].dims[0])
     shown = displayed(dataset)
-    values, unit = shown[axis].values, quantity(0.0, shown[axis].attrs["units"]).removeprefix("0")
+    values, unit = shown[axis].values, shown[axis].attrs["units"]
     direction = json.loads(dataset.attrs.get("arguments", "{}")).get("direction", "fresh")
     start = initial_condition(dataset, ", each from ")
     if direction != "fresh":
@@ -140,7 +140,7 @@ def diagram_sentences(dataset: xr.Dataset) -> Iterator[str]:
     longest = sorted(sorted(runs, key=lambda run: -len(run[1]))[:INTERVALS], key=lambda run: run[1][0])
     for label, places in longest:
         ends = f"{values[places[0]]:.4g}" + (f" to {values[places[-1]]:.4g}" if len(places) > 1 else "")
-        yield f"  {axis} {ends}{unit}: {label}"
+        yield f"  {axis} {with_unit(ends, unit)}: {label}"
     if len(runs) > len(longest):
         yield f"  and {counted(len(runs) - len(longest), 'shorter interval')}"
 

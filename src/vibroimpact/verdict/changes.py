@@ -14,7 +14,7 @@ from vibroimpact.coexistence.losses import attracts
 from vibroimpact.model import Model
 from vibroimpact.model.units import few_values, quantity, shown_as, shown_value
 from vibroimpact.orbits.orbit import value_of
-from vibroimpact.parameters import Parameter, hertz
+from vibroimpact.parameters import hertz, labelled
 from vibroimpact.showing import Table
 from vibroimpact.verdict.advice import Advice
 from vibroimpact.verdict.carried import LONG
@@ -56,15 +56,16 @@ def boundary_facts(verdict: Verdict) -> Iterator[str | Table]:
 
 def _rows(verdict: Verdict, down: Edge, up: Edge) -> Iterator[tuple[str, ...]]:
     """Yield the rows of a parameter: values below and above side by side, the nearest onset or boundary first."""
-    name = labelled(*shown_as(verdict.model, down.parameter, verdict.units))
+    name = axis_name(verdict.model, down.parameter, verdict.units)
     for below, above in zip_longest(ends_of(verdict, down), ends_of(verdict, up), fillvalue=("", "")):
         yield name, *below, *above
         name = ""
 
 
-def labelled(parameter: Parameter, unit: str) -> str:
-    """Return the name of a parameter with a unit."""
-    return parameter.name if unit == "1" else f"{parameter.name} [{unit}]"
+def axis_name(model: Model, name: str, units: Mapping[str, str]) -> str:
+    """Return the name of a parameter with the unit in which it is shown."""
+    parameter, unit = shown_as(model, name, units)
+    return labelled(parameter.name, unit)
 
 
 def _about(verdict: Verdict) -> Iterator[str]:

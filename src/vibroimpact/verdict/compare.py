@@ -25,11 +25,11 @@ from vibroimpact.indices import INDICES, shown_spread, spread_scale
 from vibroimpact.model import Model
 from vibroimpact.model.units import shown_as, shown_value
 from vibroimpact.options import Tolerances
-from vibroimpact.parameters import Parameter, hertz, invalid, several
+from vibroimpact.parameters import Parameter, hertz, invalid, labelled, several
 from vibroimpact.progress import Report, reporter
 from vibroimpact.showing import aligned
 from vibroimpact.status import Status
-from vibroimpact.verdict.changes import advice_text, ends_of, labelled
+from vibroimpact.verdict.changes import advice_text, axis_name, ends_of
 from vibroimpact.verdict.describe import Verdict, describe
 from vibroimpact.verdict.edges import BOUNDARIES, ONSETS, Edge
 from vibroimpact.verdict.ranges import percent
@@ -68,18 +68,18 @@ class Comparison:
                 _number(value if math.isnan(value) else shown_value(owner, parameter.name, value, units))
                 for value in pair
             ]
-            yield _labelled(shown.long_name, unit) + star, cells[0], cells[1]
+            yield labelled(shown.long_name, unit) + star, cells[0], cells[1]
             if unit == "rad/s":
-                frequency = _labelled(parameter.long_name.replace("angular ", ""), "Hz")
+                frequency = labelled(parameter.long_name.replace("angular ", ""), "Hz")
                 yield frequency + star, _number(hertz(pair[0])), _number(hertz(pair[1]))
         yield "motion, from rest", first.motion.name, second.motion.name
         yield "hardest hit, from rest [m/s]", _number(first.max_velocity), _number(second.max_velocity)
         yield "hardest hit, from any initial condition [m/s]", _worst(first), _worst(second)
         for name in INDICES:
-            yield _labelled(*VARIABLES[name][:2]), _index(first, name), _index(second, name)
+            yield labelled(*VARIABLES[name][:2]), _index(first, name), _index(second, name)
         yield "mean power lost [W]", _number(first.power), _number(second.power)
         for (varied, direction), edges in self._boundaries().items():
-            name = labelled(*shown_as(first.model if edges[0] else second.model, varied, units))
+            name = axis_name(first.model if edges[0] else second.model, varied, units)
             ends = [ends_of(verdict, edge) if edge else () for verdict, edge in zip(self.verdicts, edges, strict=True)]
             for at, (one, other) in enumerate(zip_longest(*ends, fillvalue=("-", ""))):
                 label = f"{name}, {'down' if direction < 0 else 'up'} to"
@@ -187,10 +187,6 @@ def _boundary_variables(boundaries: list[list[list[Edge | None]]]) -> dict[str, 
         **{f"boundary_{name}": onsets(name, words) for name, words in ONSETS.items()},
         "boundary_kind": flags(dims, kinds, "kind of the nearest boundary", BOUNDARIES),
     }
-
-
-def _labelled(long_name: str, unit: str) -> str:
-    return long_name if unit == "1" else f"{long_name} [{unit}]"
 
 
 def _number(value: float) -> str:
