@@ -38,11 +38,11 @@ class Compliant:
 
 
 class Rigid(Compliant):
-    """A rigid stop that turns the speed along its direction, for a diagonal mass matrix."""
+    """A rigid stop that turns the speed along its direction."""
 
     def __init__(self, direction, gap, restitution, mass):
         super().__init__(direction, gap, 0.0)
-        self.r, self.row = restitution, direction / mass
+        self.r, self.row = restitution, np.linalg.solve(mass, direction)
         self.speeds, self.times = [], []
 
     def change(self, t, q, v):
@@ -52,12 +52,16 @@ class Rigid(Compliant):
         return v - (1.0 + self.r) * speed / (self.a @ self.row) * self.row
 
 
-def march(stops, q, v, until, *, mass, damping, stiffness, load, step, instants=()):
-    """Return the last state, and states and pushes of all stops at instants, by DOP853 from event to event."""
+def march(stops, q, v, until, *, mass, damping, stiffness, load, step=np.inf, instants=(), begin=0.0, closed=()):
+    """Return the last state, and states and pushes of all stops at instants, by DOP853 from event to event.
+
+    The stops numbered in `closed` push at the beginning, and so do those that are touched and approached.
+    """
     n, inverse = len(q), np.linalg.inv(mass)
-    y, t, found = np.concatenate([q, v]), 0.0, []
-    for stop in stops:
-        stop.closed, stop.loose = abs(stop.depth(t, y[:n])) < 1e-15 and stop.a @ y[n:] > 0.0, False
+    y, t, found = np.concatenate([q, v]), begin, []
+    for at, stop in enumerate(stops):
+        stop.closed = at in closed or (abs(stop.depth(t, y[:n])) < 1e-15 and stop.a @ y[n:] > 0.0)
+        stop.loose = False
 
     def rate(t, y):
         push = load(t) - damping @ y[n:] - stiffness @ y[:n]
@@ -82,6 +86,24 @@ def march(stops, q, v, until, *, mass, damping, stiffness, load, step, instants=
             found.append([state, [stop.pushes(at, state[:n], state[n:]) for stop in stops]])
         t, y = run.t[-1], run.y[:, -1].copy()
         for at, stop in enumerate(stops):
-            if len(run.t_events[2 * at]) or len(run.t_events[2 * at + 1]):
+            together = abs(stop.watched(t, y[:n], y[n:])) < 1e-12 and t < until
+            if len(run.t_events[2 * at]) or len(run.t_events[2 * at + 1]) or together:
                 y[n:] = stop.change(t, y[:n], y[n:])
     return y, found
+
+
+def later(system, state, begin, duration, closed=()):
+    """Return the state of a system some time later; the stops numbered in `closed` push at the beginning."""
+    load, omega = system.force, system.force.omega
+    constant = np.zeros(len(system.mass)) if load.constant is None else load.constant
+    stops = [
+        Compliant(stop.direction, stop.gap, stop.stiffness, stop.damping)
+        if stop.compliant
+        else Rigid(stop.direction, stop.gap, stop.restitution, system.mass)
+        for stop in system.stops
+    ]
+    return march(
+        stops, *np.split(np.asarray(state), 2), begin + duration, begin=begin, closed=closed,
+        load=lambda t: constant + sum(np.imag(p * np.exp(1j * h * omega * t)) for h, p in load.harmonics.items()),
+        mass=system.mass, damping=system.damping, stiffness=system.stiffness, step=duration / 200.0,
+    )[0]  # fmt: skip

@@ -5,11 +5,11 @@ import os
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import vibroimpact as vi
 from contents import special_points
+from dop853 import later
 from vibroimpact.orbits.labelled import orbits_dataset
 
 KELVIN_VOIGT = 0.571740027585  # restitution of z = 0.2, let go where the force is zero
@@ -167,7 +167,7 @@ def test_a_stable_orbit_of_one_contact_is_found(system, velocity):
     assert stable.velocities[0] == pytest.approx(velocity, abs=6e-6 if velocity < 0.1 else 6e-5)
     begin = stable.start.time
     state = np.concatenate([stable.start.displacement, stable.start.velocity])
-    assert integrated(stable, state, begin, stable.period, (0,)) == pytest.approx(state, abs=1e-9 * abs(state).max())
+    assert later(system, state, begin, stable.period, (0,)) == pytest.approx(state, abs=1e-9 * abs(state).max())
 
 
 @pytest.mark.parametrize("spring", [10.0, 1e3])
@@ -258,45 +258,6 @@ def test_every_motion_of_one_contact_that_a_sweep_of_the_gap_meets_is_found(part
 # An independent integrator
 
 
-def integrated(orbit, state, time, duration, pushing=()):
-    """Return the state of a system of one or two compliant stops after a duration, by a Runge-Kutta method."""
-    system, n = orbit.system, len(orbit.system.mass)
-    k = np.array([stop.stiffness or 0.0 for stop in system.stops])
-    c = np.array([stop.damping or 0.0 for stop in system.stops])
-    r = np.array([stop.restitution or 0.0 for stop in system.stops])
-    a, gaps = np.array([stop.direction for stop in system.stops]), np.array([stop.gap for stop in system.stops])
-    constant = 0.0 if system.force.constant is None else system.force.constant
-    end, pushing = time + duration, set(pushing)
-
-    def rate(t, x):
-        q, v = np.split(x, 2)
-        depth, speed = a @ q - gaps, a @ v
-        force = sum(((k[j] * depth[j] + c[j] * speed[j]) * a[j] for j in pushing), np.zeros(n))
-        driven = sum((np.imag(p * np.exp(1j * h * system.force.omega * t)) for h, p in system.force.harmonics.items()))
-        return np.concatenate([v, np.linalg.solve(system.mass, constant + driven - force - system.damping @ v
-                                                  - system.stiffness @ q)])  # fmt: skip
-
-    while time < end:
-        events = []
-        for j in range(len(k)):
-
-            def level(t, x, j=j, pushes=j in pushing):
-                depth, speed = a[j] @ x[:n] - gaps[j], a[j] @ x[n:]
-                return k[j] * depth + c[j] * speed if pushes else -depth
-
-            level.terminal, level.direction = True, -1
-            events.append(level)
-        found = solve_ivp(rate, (time, end), state, events=events, rtol=1e-12, atol=1e-14, method="DOP853")
-        time, state = found.t[-1], found.y[:, -1]
-        for j, times in enumerate(found.t_events):
-            if times.size and k[j]:
-                pushing ^= {j}
-            elif times.size:
-                kick = (1.0 + r[j]) * (a[j] @ state[n:]) / (a[j] @ np.linalg.solve(system.mass, a[j]))
-                state[n:] -= kick * np.linalg.solve(system.mass, a[j])
-    return state
-
-
 @pytest.mark.parametrize(
     ("system", "stops"),
     [
@@ -315,10 +276,10 @@ def test_an_orbit_returns_to_itself_and_its_multipliers_are_those_of_a_runge_kut
     turn, pushing = _before_a_contact(orbit)
     begin, pushing = turn * system.period, [names.index(stop) for stop in pushing]
     state = np.concatenate([part[0] for part in orbit.motion([begin])[:2]])
-    assert integrated(orbit, state, begin, orbit.period, pushing) == pytest.approx(state, abs=1e-9)
+    assert later(system, state, begin, orbit.period, pushing) == pytest.approx(state, abs=1e-9)
     step, moved = 1e-5, []
     for nudge in step * np.eye(len(state)):
-        there, back = (integrated(orbit, state + sign * nudge, begin, orbit.period, pushing) for sign in (1, -1))
+        there, back = (later(system, state + sign * nudge, begin, orbit.period, pushing) for sign in (1, -1))
         moved.append((there - back) / (2.0 * step))
     expected = np.linalg.eigvals(np.array(moved).T)
     for multiplier in orbit.multipliers:

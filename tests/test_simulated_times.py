@@ -133,10 +133,8 @@ def test_a_step_and_a_square_pulse_agree_with_an_integration_by_scipy(soft):
     pieces = [(0.6, vi.Force(constant=[8.0, 0.0])), (0.7, None), (0.5, sine)]
     times = np.sort(np.random.default_rng(3).uniform(0.0, 1.8, 40))
     motion = vi.simulate(system, times=times, pieces=pieces)
-    if soft:
-        bar = Compliant(np.array([0.0, 1.0]), 0.05, 4e3, 5.0)
-    else:
-        bar = Rigid(np.array([0.0, 1.0]), 0.05, 0.8, np.diag(mass))
+    across = np.array([0.0, 1.0])
+    bar = Compliant(across, 0.05, 4e3, 5.0) if soft else Rigid(across, 0.05, 0.8, mass)
     linear = {"mass": mass, "damping": damping, "stiffness": stiffness, "step": 0.05}
     loads = [lambda t: np.array([8.0, 0.0]), lambda t: np.zeros(2), lambda t: np.array([0.0, 8.0 * np.sin(5.0 * t)])]
     q, v, begin, found = np.zeros(2), np.zeros(2), 0.0, []

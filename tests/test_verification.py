@@ -142,9 +142,9 @@ def modal(system):
 
 def harvester(eta, periods):
     """Return states at whole periods, and the stops with their impacts."""
-    mass = np.array([1.0, eta])
+    mass = np.diag([1.0, eta])
     ends = [Rigid(side * np.array([1.0, -1.0]), 0.175, 0.5, mass) for side in (1.0, -1.0)]
-    linear = {"mass": np.diag(mass), "damping": np.diag([0.2, 0.0]), "stiffness": np.diag([math.pi**2, 0.0])}
+    linear = {"mass": mass, "damping": np.diag([0.2, 0.0]), "stiffness": np.diag([math.pi**2, 0.0])}
     load = lambda t: np.array([math.sin(math.pi * t), -0.12201 * eta])  # noqa: E731
     instants = 2.0 * np.arange(periods + 1)
     _, found = march(ends, np.zeros(2), np.zeros(2), instants[-1], **linear, load=load, step=0.05, instants=instants)
