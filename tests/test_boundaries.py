@@ -7,6 +7,7 @@ import pytest
 
 import vibroimpact as vi
 from contents import special_points
+from oracles.one_impact import response, trace, transition
 from vibroimpact.continuation import BifurcationPoint
 
 PLANES = {  # the second axis of the paper's maps; omega is the first
@@ -65,15 +66,9 @@ def test_doublings_obey_the_closed_form_of_the_trace(curves, name):
             continue
         for orbit in curve.orbits[::5]:
             o, time = orbit.oscillator, orbit.period
-            half = o.damping / (2 * o.mass)
-            wd = np.sqrt(complex(o.natural_frequency**2 - half**2))
-            fade, turned = math.exp(-half * time), np.cos(wd * time).real
-            q = fade * (np.sin(wd * time) / wd).real
-            force = o.amplitude * math.sin(2 * math.pi * orbit.phases[0]) - o.stiffness * o.gap
-            trace = -2 * o.restitution * fade * turned + (1 + o.restitution) * q * force / (
-                o.mass * orbit.velocities[0]
-            )
-            assert trace == pytest.approx(-1 - (o.restitution * fade) ** 2, abs=1e-10)
+            fade, _, _ = transition(o, time)
+            known = trace(o, time, orbit.phases[0], orbit.velocities[0])
+            assert known == pytest.approx(-1 - (o.restitution * fade) ** 2, abs=1e-10)
 
 
 def test_the_curves_pass_through_the_values_known_with_50_digits(values):
@@ -116,14 +111,8 @@ def test_folds_with_a_gap_obey_their_closed_form(curves):
     assert len(folds) == 2
     for curve in folds:
         for orbit in curve.orbits[::3]:
-            o, time = orbit.oscillator, orbit.period
-            half = o.damping / (2 * o.mass)
-            wd = math.sqrt(o.natural_frequency**2 - half**2)
-            fade = math.exp(-half * time)
-            q = fade * math.sin(wd * time) / wd
-            p = fade * math.cos(wd * time) + half * q
-            delta = 1 - 2 * fade * math.cos(wd * time) + fade**2
-            alpha, beta = (1 + o.restitution) * q / delta, -o.restitution - (1 + o.restitution) * (p - 1) / delta
+            o = orbit.oscillator
+            alpha, beta = response(o, orbit.period)
             expected = o.steady_amplitude * math.sqrt(1 + (alpha * o.omega / beta) ** 2)
             assert abs(o.gap) == pytest.approx(expected, rel=1e-9)
 

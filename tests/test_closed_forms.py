@@ -1,16 +1,15 @@
 """Motions with a closed form, by the engine and by the witness: orbits, contacts, rests, chains, an elastic bar."""
 
-import cmath
 import math
 from itertools import pairwise
 
 import mpmath as mp
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 import vibroimpact as vi
 from codes import Witness, differences, later
+from oracles.one_impact import motions
 from systems import chain, changed, drawn, impact_damper, impacts, springs_of, system, two_sided
 
 
@@ -31,30 +30,10 @@ ONE_IMPACT = {  # velocity and phase have 50 digits in mpmath
 }
 
 
-def one_impact(model):
-    """Return velocity, phase of contact and the state after it, of all motions with one impact in T, or in T/2."""
-    hit, n, w, half = model.stops[0], len(model.mass), model.omega, len(model.stops) == 2
-    a = hit.direction
-    kappa = np.linalg.solve(model.mass, a) / (a @ np.linalg.solve(model.mass, a))
-    flow = np.linalg.solve(model.mass, np.column_stack([-model.stiffness, -model.damping]))
-    flight = expm(np.block([[np.zeros((n, n)), np.eye(n)], [flow]]) * 2 * math.pi / w / (1 + half))
-    jump = (1 + hit.restitution) * np.concatenate([np.zeros(n), kappa])
-    z = np.linalg.solve(-flight - np.eye(2 * n) if half else flight - np.eye(2 * n), jump)
-    alpha, beta = -a @ z[:n], -hit.restitution - a @ z[n:]
-    steady = np.linalg.solve(model.stiffness + 1j * w * model.damping - w**2 * model.mass, model.force.harmonics[1])
-    reach, found = a @ steady, []
-    for v in np.roots([alpha**2 + beta**2 / w**2, 2 * alpha * hit.gap, hit.gap**2 - abs(reach) ** 2]).real:
-        if v > 0:
-            wave = complex(beta * v / w, hit.gap + alpha * v) / reach  # exp(i w t)
-            q, dq = (steady * wave).imag + z[:n] * v, w * (steady * wave).real + z[n:] * v
-            found.append((v, cmath.phase(wave) / (2 * math.pi) % 1.0, q, dq))
-    return found
-
-
 def orbit_of(name):
     """Return a system, velocity and phase of its motion, the state after an impact, and the part of T that it takes."""
     model, (velocity, phase, _) = ONE_IMPACT[name]
-    v, at, q, dq = min(one_impact(model), key=lambda orbit: abs(orbit[0] - velocity))
+    v, at, q, dq = min(motions(model), key=lambda orbit: abs(orbit[0] - velocity))
     assert (v, at) == pytest.approx((velocity, phase), rel=1e-12)
     return model, velocity, phase, np.concatenate([q, dq]), 0.5 if len(model.stops) == 2 else 1.0
 
@@ -92,7 +71,7 @@ def test_the_modal_form_has_the_orbits_of_the_system(name):
         stops = [stop.replace(direction=a) for stop, a in zip(there.stops, form.directions, strict=True)]
         loads = {int(h): form.masses * load for h, load in zip(form.orders, form.forces, strict=True)}
         damping, stiffness = form.masses[:, None] * form.damping, np.diag(form.masses * form.squares)
-        found = one_impact(system(np.diag(form.masses), damping, stiffness, there.omega, stops, loads))
+        found = motions(system(np.diag(form.masses), damping, stiffness, there.omega, stops, loads))
         nearest = min(found, key=lambda orbit: abs(orbit[0] - velocity * unit))[:2]
         np.testing.assert_allclose(nearest, (velocity * unit, phase), rtol=near)
 

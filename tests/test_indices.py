@@ -1,6 +1,5 @@
 """Indices beside the velocities, by both engines and the witness: exponents, names, losses, rests, near-misses."""
 
-import cmath
 import math
 
 import numpy as np
@@ -9,6 +8,7 @@ from scipy.linalg import expm
 
 import vibroimpact as vi
 from designs import orbit_of_one_impact
+from oracles.one_impact import trace, transition
 from vibroimpact.indices import EVERY, FORCES, INDICES, VELOCITY_INDICES
 from vibroimpact.report import sentences_of
 
@@ -63,14 +63,6 @@ def test_a_period_1_impact_2_motion_has_its_name_its_50_digit_multiplier_and_its
     assert indices["impact_phase_spread"] == pytest.approx(1 - math.cos(apart), rel=1e-10)
 
 
-def transition(osc, time):
-    """Return E, cos(wd t) (cosh when overdamped) and the entry of the free transition matrix by which y' enters y."""
-    half = osc.damping / (2 * osc.mass)
-    rate = cmath.sqrt(osc.stiffness / osc.mass - half**2)
-    decay = math.exp(-half * time)
-    return decay, cmath.cos(rate * time).real, decay * (cmath.sin(rate * time) / rate).real
-
-
 @pytest.mark.parametrize(
     ("n", "changes"),
     [
@@ -84,10 +76,9 @@ def transition(osc, time):
 def test_the_exponent_of_an_impact_1_motion_follows_from_its_trace_in_closed_form(way, n, changes):
     osc = vi.ImpactOscillator(**changes)
     indices, last = way.indices(osc, transient=600, sample=40), way.section(osc, 600, 40).isel(impact=-1)
-    decay, cosine, q = transition(osc, n * osc.period)
-    force = (osc.amplitude * math.sin(2 * math.pi * float(last["phase"])) - osc.stiffness * osc.gap) / osc.mass
-    trace = -2 * osc.restitution * decay * cosine + (1 + osc.restitution) * q / float(last["velocity"]) * force
-    growth = math.log(max(abs(np.roots([1.0, -trace, osc.restitution**2 * decay**2]))))
+    decay, _, _ = transition(osc, n * osc.period)
+    sum_of_both = trace(osc, n * osc.period, float(last["phase"]), float(last["velocity"]))
+    growth = math.log(max(abs(np.roots([1.0, -sum_of_both, osc.restitution**2 * decay**2]))))
     assert name_of(indices) == (n, 1)
     near = {"rel": 1e-9} if way.slow else {"rel": 1e-7, "abs": 1e-8}
     assert indices["lyapunov_per_impact"] == pytest.approx(growth, **near)

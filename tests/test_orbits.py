@@ -7,6 +7,7 @@ import pytest
 
 import vibroimpact as vi
 from designs import random_designs
+from oracles.one_impact import response, velocities
 from vibroimpact.orbits import orbit_distance, same_orbit
 from vibroimpact.orbits.admissibility import contacts
 from vibroimpact.orbits.distance import Impacts
@@ -55,15 +56,7 @@ def test_the_quadratic_of_one_impact_holds_on_random_oscillators():
     count = 0
     for _ in range(200):
         osc, n = random_oscillator(rng), int(rng.integers(1, 4))
-        half, time = osc.damping / (2 * osc.mass), n * osc.period
-        wd = np.sqrt(complex(osc.natural_frequency**2 - half**2))
-        q = (np.exp(-half * time) * np.sin(wd * time) / wd).real
-        p = (np.exp(-half * time) * np.cos(wd * time)).real + half * q
-        delta = 1 - (p + p - 2 * half * q) + np.exp(-2 * half * time)
-        alpha, beta = (1 + osc.restitution) * q / delta, -osc.restitution - (1 + osc.restitution) * (p - 1) / delta
-        size = osc.steady_amplitude
-        roots = np.roots([alpha**2 + (beta / osc.omega) ** 2, 2 * alpha * osc.gap, osc.gap**2 - size**2])
-        expected = sorted(root.real for root in roots if root.imag == 0 and root.real > 0)
+        expected = velocities(*response(osc, n * osc.period), osc.omega, osc.gap, osc.steady_amplitude)
         found = sorted(orbit.velocities[0] for orbit in vi.find_orbit(osc, n_periods=n))
         assert found == pytest.approx(expected, rel=1e-9)
         count += len(found)
