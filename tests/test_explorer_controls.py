@@ -10,9 +10,9 @@ import vibroimpact as vi
 pytest.importorskip("tornado", reason="needs the extra [web]")
 
 from explorers import received
+from vibroimpact.coexistence import Attractor
 from vibroimpact.explorer.address import BY_NAME, PRESETS
 from vibroimpact.explorer.controls import TICKS, Commands, Controls
-from vibroimpact.explorer.point import Other
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import View
 
@@ -134,7 +134,7 @@ def test_the_whole_plane_of_a_link_is_at_least_what_it_shows(controls):
 
 
 def test_the_start_in_the_menu_is_the_one_of_the_view(commands, controls):
-    other = Other("period-3 impact-4", 0.14, 1.0, vi.State(0.0, 1.5, 0.25))
+    other = Attractor("periodic", 3, 4, share=0.14, max_velocity=1.0, start=vi.State(0.0, 1.5, 0.25))
     explorer = controls.explorer
     explorer.others = [other]
     assert controls.menus()["start"].options == [("rest", "at rest"), ("0", "on period-3 impact-4 (14 %)")]

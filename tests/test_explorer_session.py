@@ -14,10 +14,11 @@ import vibroimpact as vi
 from explorers import SMALL, filled, received
 from processes import until
 from vibroimpact.backends.cpu import CpuBackend
+from vibroimpact.coexistence import Attractor
 from vibroimpact.explorer.files import KINDS, export, python_lines, study_file
 from vibroimpact.explorer.limits import FINEST, budget
 from vibroimpact.explorer.plane import OTHERS, SIDES, TRANSIENT, Curves, Plane, bands, find_curves, lattice, positions
-from vibroimpact.explorer.point import Other, compute_point
+from vibroimpact.explorer.point import compute_point
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.shades import name_of, shades
 from vibroimpact.explorer.state import View
@@ -30,6 +31,7 @@ from vibroimpact.plotting.style import BOUNDARY_COLORS, STICKING
 TUBE = vi.ImpactOscillator(
     mass=2.1, damping_ratio=0.01, stiffness=26860.0, amplitude=5.0, omega=157.08, restitution=0.7, gap=0.5e-3
 )
+BOUNCING = Attractor("periodic", 1, 1, share=0.88, max_velocity=0.105)
 KNOCKS = View(osc=TUBE, x="omega", x_range=(60.0, 220.0), y="gap", y_range=(1e-4, 1.5e-3), samples=200)
 
 
@@ -220,7 +222,7 @@ def test_boundaries_have_the_colours_that_they_have_in_figures():
 
 def test_a_boundary_says_which_motion_ends_there():
     view = View(osc=vi.ImpactOscillator(damping=0.1), x="gap", x_range=(0.5, 3.0), y="amplitude", y_range=(0.5, 3.0))
-    assert "grazing, the steady motion without impacts" in find_curves(view, lambda: True).descriptions
+    assert "grazing, the motion without impacts" in find_curves(view, lambda: True).descriptions
 
 
 @pytest.fixture
@@ -420,14 +422,15 @@ def test_what_other_initial_conditions_lead_to_is_told_with_their_number():
 
     def told(osc, *others):
         shown.show_point(compute_point(View(osc=osc, x="damping", x_range=(0.0, 20.0), y="mass", y_range=(0.9, 5.0))))
-        parts = shown.show_others([Other(*one, vi.State(0.0)) for one in others])
+        parts = shown.show_others(list(others))
         return re.sub("<[^>]*>", "", parts["#others"]["html"])
 
-    same = ("period-1 impact-1", 1.0, compute_point(View()).indices["max_velocity"])
+    same = replace(BOUNCING, share=1.0, max_velocity=compute_point(View()).indices["max_velocity"])
     assert told(vi.ImpactOscillator(), same) == "All 256 other initial conditions tried lead to this motion."
-    everywhere = ("period-1 impact-1", 1.0, 0.105)  # though nothing hits from rest
+    everywhere = replace(BOUNCING, share=1.0)  # though nothing hits from rest
     assert told(TUBE, everywhere) == "From 256 other initial conditions: 100 % period-1 impact-1 (up to 0.105 m/s)."
-    several = ("period-1 impact-1", 0.88, 0.105), ("no impact", 0.1, float("nan")), ("period-3 impact-1", 0.0, 0.002)
+    clear = Attractor("no_impact", share=0.1)
+    several = BOUNCING, clear, replace(BOUNCING, n_periods=3, share=0.0, max_velocity=0.002)
     assert told(TUBE, *several) == (
         "From 256 other initial conditions: 88 % period-1 impact-1 (up to 0.105 m/s), 10 % no impact, "
         "none period-3 impact-1 (up to 2 mm/s), 2 % undecided."

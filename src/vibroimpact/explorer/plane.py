@@ -11,11 +11,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import vibroimpact as vi
+from vibroimpact.dataset import bifurcation_name
 from vibroimpact.explorer.limits import FINEST, Range, budget
 from vibroimpact.explorer.state import View
 from vibroimpact.indices import INDICES
 from vibroimpact.model import State
-from vibroimpact.motion import MotionClass
+from vibroimpact.motion import WITHOUT, MotionClass
 from vibroimpact.orbits import Orbit
 from vibroimpact.plotting.diagrams import with_index
 
@@ -248,10 +249,10 @@ def find_curves(view: View, keep_going: KeepGoing) -> Curves:
     return Curves(
         points=[np.asarray(curve.values, dtype=np.float64) for curve in boundaries],
         kinds=[curve.kind for curve in boundaries],
-        descriptions=[f"{curve.kind.replace('_', ' ')}, {_motion_at(curve.orbits[0])}" for curve in boundaries],
+        descriptions=[f"{bifurcation_name(curve.kind)}, {_motion_at(curve.orbits[0])}" for curve in boundaries],
     )
 
 
 def _motion_at(orbit: Orbit) -> str:
     """Return the orbit's name; an impact at velocity 0 means the impact-free motion that first touches the stop."""
-    return orbit.name if max(orbit.velocities, default=1.0) > 0.0 else "the steady motion without impacts"
+    return orbit.name if max(orbit.velocities, default=1.0) > 0.0 else WITHOUT

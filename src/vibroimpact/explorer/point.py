@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vibroimpact as vi
+from vibroimpact.coexistence import Attractor
 from vibroimpact.explorer.limits import budget, stiffness, system_of
 from vibroimpact.explorer.plane import TRANSIENT, KeepGoing
 from vibroimpact.explorer.state import View, written
@@ -56,6 +57,11 @@ class Point:
     rests: Columns  # begin and end of rests at the stop within the history
     impact_map: Columns  # phase, velocity
     poincare: Columns  # displacement, velocity
+
+    def settles_to(self, attractor: Attractor) -> bool:
+        """Whether its motion is an attractor: the name and, for a cycle, the largest velocity are equal."""
+        speeds = attractor.max_velocity, self.indices["max_velocity"]
+        return self.name == attractor.name and (not self.n_periods or math.isclose(*speeds, rel_tol=1e-6))
 
     @property
     def size(self) -> float:
@@ -259,30 +265,13 @@ def _impact_map(system: Any, start: State | None, orbit: Columns, n_periods: int
     return {name: np.append(values, more[name].values) for name, values in hits.items()}
 
 
-@dataclass(frozen=True)
-class Other:
-    """A motion reached from other initial conditions: name, share of these, largest velocity, a state on it."""
-
-    name: str
-    share: float
-    max_velocity: float
-    start: State
-
-    def same(self, point: Point) -> bool:
-        """Whether this is the motion of a point: the name and, for a cycle, the largest velocity are equal."""
-        velocity = point.indices["max_velocity"]
-        alike = not point.n_periods or math.isclose(self.max_velocity, velocity, rel_tol=1e-6)
-        return self.name == point.name and alike
-
-
-def find_others(view: View, keep_going: KeepGoing) -> list[Other]:
+def find_others(view: View, keep_going: KeepGoing) -> list[Attractor]:
     """Return the motions reached from initial conditions at the view's point, computed until time is up.
 
     The motion with the largest share of the initial conditions comes first.
     """
     limits = budget(stiffness(view.osc), START_IMPACTS)
-    motions = vi.attractors(view.osc, tolerances=limits, workers=1, progress=lambda *progress: keep_going())
-    return [Other(motion.name, motion.share, motion.max_velocity, motion.start) for motion in motions]
+    return vi.attractors(view.osc, tolerances=limits, workers=1, progress=lambda *progress: keep_going())
 
 
 class Motions:

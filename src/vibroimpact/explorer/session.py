@@ -7,11 +7,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from vibroimpact.coexistence import Attractor
 from vibroimpact.explorer import work
 from vibroimpact.explorer.limits import Range, with_axes, with_ranges
 from vibroimpact.explorer.models import Find, find_ready_made
 from vibroimpact.explorer.plane import Curves, KeepGoing, Line, Plane, Stored, compute_line, find_curves
-from vibroimpact.explorer.point import Motions, Other, Point, find_others
+from vibroimpact.explorer.point import Motions, Point, find_others
 from vibroimpact.explorer.state import (
     LETTERS,
     MOST_PINS,
@@ -44,8 +45,8 @@ class Explorer:
         The threads that compute; None creates them.
     listener : callable, optional
         Called with lists of messages that belong together, from any thread: ("view", View), ("plane", Plane), ("hatch",
-        Plane), ("point", Point), ("line", Line), ("curves", Curves or None), ("others", list of Other), ("pins", list
-        of Point), ("late", whether the plane was suspended for lack of time) and ("message", str).
+        Plane), ("point", Point), ("line", Line), ("curves", Curves or None), ("others", list of Attractor), ("pins",
+        list of Point), ("late", whether the plane was suspended for lack of time) and ("message", str).
     stored : callable, optional
         Returns the `Plane` of a view from a stored sweep, or None.
     find : callable, optional
@@ -72,7 +73,7 @@ class Explorer:
         self.point: Point | None = None  # of this view, too
         self.line: Line | None = None
         self.curves: Curves | None = None
-        self.others: list[Other] = []
+        self.others: list[Attractor] = []
         self.pins: list[Point] = []
         self.stored = stored
         self._listener = listener
@@ -164,7 +165,7 @@ class Explorer:
             self._send(("message", f"Shown as far as possible: {message}"))
         return self.show(view, "axes")
 
-    def follow(self, other: Other | None) -> bool:
+    def follow(self, other: Attractor | None) -> bool:
         """Use a state on another attractor as the initial condition of the point's motion; None means rest."""
         return self.set("start", start=None if other is None else other.start)
 

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.cells import FASTEST
+from vibroimpact.coexistence import Attractor
 from vibroimpact.coexistence.measuring import SPREAD
+from vibroimpact.dataset import bifurcation_name
 from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.plane import FOLLOWED, ONLY_OTHERS, OTHERS, TRANSIENT, WORST, Curves, Line, Plane
-from vibroimpact.explorer.point import Other, Point, index_text
+from vibroimpact.explorer.point import Point, index_text
 from vibroimpact.explorer.shades import name_of, shades
 from vibroimpact.explorer.state import (
     LETTERS,
@@ -132,7 +134,7 @@ class PlaneView:
             "words": curves.descriptions,
         }
         kinds = [kind for kind in BOUNDARY_COLORS if kind in curves.kinds]
-        entries = " ".join(_line_entry(*BOUNDARY_COLORS[kind], kind.replace("_", " ")) for kind in kinds)
+        entries = " ".join(_line_entry(*BOUNDARY_COLORS[kind], bifurcation_name(kind)) for kind in kinds)
         counts = ", ".join(map(str, FOLLOWED))
         of = f"of motions of n = {counts} driving periods with one impact, or sticking; others are not drawn"
         html = f"<span title='{of}'>boundaries of n = {counts}:</span> {entries}"
@@ -154,7 +156,7 @@ class PointView:
     def __init__(self) -> None:
         self._point: Point | None = None
         self._pins: list[Point] = []
-        self._others: list[Other] = []
+        self._others: list[Attractor] = []
         self.hertz = False  # unit of frequencies
 
     def show_point(self, point: Point) -> Parts:
@@ -188,7 +190,7 @@ class PointView:
             parts |= {"home": self._frame(), "#numbers": {"html": numbers_table(self._point, pins, self.hertz)}}
         return parts
 
-    def show_others(self, others: list[Other]) -> Parts:
+    def show_others(self, others: list[Attractor]) -> Parts:
         """List the motions reached from other initial conditions."""
         self._others = others
         return {"#others": {"html": _coexistence(others, self._point)}}
@@ -216,10 +218,10 @@ class PointView:
         }
 
 
-def _coexistence(others: list[Other], point: Point | None) -> str:
+def _coexistence(others: list[Attractor], point: Point | None) -> str:
     if not others:
         return ""
-    if len(others) == 1 and others[0].share == 1.0 and point is not None and others[0].same(point):
+    if len(others) == 1 and others[0].share == 1.0 and point is not None and point.settles_to(others[0]):
         return f"<span title='{TRIED_THERE}'>All {SPREAD} other initial conditions tried lead to this motion.</span>"
     listed = [f"{_part(other.share)} {escape(other.name)}{_hardest(other)}" for other in others[:MOST_LISTED]]
     undecided = 1.0 - sum(other.share for other in others)
@@ -235,7 +237,7 @@ def _part(share: float) -> str:
     return "none" if not share else f"{100 * min(share, 0.99 if share < 1.0 else 1.0):.0f} %"
 
 
-def _hardest(other: Other) -> str:
+def _hardest(other: Attractor) -> str:
     return f" (up to {quantity(other.max_velocity, 'm/s', 3)})" if other.max_velocity > 0.0 else ""
 
 
