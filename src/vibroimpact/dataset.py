@@ -65,8 +65,6 @@ VARIABLES |= {
     name: (index.long_name, index.units, index.symbol) for name, index in EVERY.items() if name not in VARIABLES
 }
 
-SYMBOLS = {entry.symbol: name for name, entry in ImpactOscillator.parameters.items() if not entry.replaces}
-
 
 def label(parameter: Parameter) -> dict[str, str]:
     """Return the attributes of an axis that varies a parameter."""

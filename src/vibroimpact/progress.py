@@ -171,8 +171,7 @@ class Meter:
 
     `keeps`: whether finished work is kept after an interruption. `patience`: the longest time in s that a stopped sweep
     waits for running cells. `finish` completes the writing to a store before the process ends at once. `opening` prints
-    the text before the first report, or at the end of a sweep that reported nothing. `clock` gives the time; the
-    default does not count compilation.
+    the text before the first report, or at the end of a sweep that reported nothing.
     """
 
     def __init__(
@@ -183,9 +182,7 @@ class Meter:
         patience: float | None = None,
         finish: Callable[[], None] | None = None,
         opening: Callable[[], None] | None = None,
-        clock: Callable[[], float] = compiling.clock,
     ) -> None:
-        self.clock = clock
         self.label, self.keeps, self.patience, self.finish = label, keeps, patience, finish
         self._opening = compiling.before_compiling(opening or (lambda: None))
         self.stopped = False  # a sweep reads it between two reports, too
@@ -195,7 +192,7 @@ class Meter:
         self._end: SimpleQueue[bool] = SimpleQueue()  # a signal may break into anything but its `put`
 
     def __enter__(self) -> Self:
-        self._computed = self.clock()
+        self._computed = compiling.clock()
         self._open = self._opening.__enter__()
         if threading.current_thread() is threading.main_thread():
             threading.Thread(target=self._end_at_once, daemon=True).start()
@@ -213,12 +210,12 @@ class Meter:
             signal.signal(signal.SIGINT, self._previous_handler)
             self._end.put(False)
         self._opening.__exit__(kind, error, at)  # if nothing was left to report
-        self.seconds = self.clock() - self._computed
+        self.seconds = compiling.clock() - self._computed
 
     def __call__(self, done: int, total: int | None, partial: Any) -> bool:
         """Show how far the computation is; return whether to continue."""
         self._open()
-        seconds = self.clock() - self._computed
+        seconds = compiling.clock() - self._computed
         impacts = getattr(partial, "attrs", {}).get("impacts_computed", 0)
         detail = partial if isinstance(partial, str) else speed(impacts, seconds)
         if self._bar is not None:

@@ -17,7 +17,7 @@ from vibroimpact.beside import compile_beside
 from vibroimpact.cli.endings import refusing
 from vibroimpact.cli.options import Options, number
 from vibroimpact.cli.schema import TABLES
-from vibroimpact.cli.times import ENDS
+from vibroimpact.cli.times import ENDS, MOST
 from vibroimpact.indices import EVERY
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
@@ -37,8 +37,6 @@ from vibroimpact.parameters import OF_ONE_MASS, Parameter, closest, invalid, unk
 
 if TYPE_CHECKING:
     from vibroimpact.cells import Floats
-
-MOST_POINTS = 10_000_000  # of an axis; a typing error asks for more
 
 
 @dataclass(frozen=True)
@@ -335,10 +333,8 @@ def span_values(parameter: Parameter, span: Mapping[str, Any], least: int = 1) -
     reader.faults += [f"`{name}.{key}` is missing; give from, to and points" for key in ENDS if key not in span]
     reader.faults += [str(unknown(f"key in `{name}`", key, ENDS)) for key in span if key not in ENDS]
     low, high = (reader.check("", f"{name}.{key}", parameter.check, span.get(key, 1.0)) for key in ENDS[:2])
-    points = reader.check("", f"{name}.points", whole_number, "points", span.get("points", least), least)
+    points = reader.check("", f"{name}.points", whole_number, "points", span.get("points", least), least, MOST)
     if not reader.faults:
-        if points > MOST_POINTS:
-            raise invalid(f"{name}.points", points, f"at most {MOST_POINTS:,}")
         if points > 1 and not low < high:
             got = with_unit(f"{low:g} to {high:g}", parameter.unit)
             raise ValueError(f"`{name}` must increase, got {got}; give the smaller end first")

@@ -12,7 +12,7 @@ from vibroimpact.parameters import Parameter, invalid, real_number, several, who
 
 ALLOWED = "a list of times in s, or { from, to, points }"
 PIECES = 'a list such as [["4ms", "50N"], ["1s", "model"]]'
-MOST = 10_000_000  # times; a typing error asks for more
+MOST = 10_000_000  # times, or points of an axis; a typing error asks for more
 ENDS = "from", "to", "points"  # of times and axes
 OWN = "model"  # a piece with the load of the model
 

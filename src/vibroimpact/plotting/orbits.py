@@ -25,6 +25,7 @@ STATES: dict[str, Dims] = {
     "impact_time": "impact",
     "impact_velocity": "impact",
 }
+PARTS = 6  # of the line between two samples
 COORDINATES: dict[str, Dims] = {
     "displacement": ("time", "coordinate"),
     "velocity": ("time", "coordinate"),
@@ -75,14 +76,14 @@ def _broken_orbit(states: tuple[Floats, ...], impacts: tuple[Floats, ...]) -> tu
     return _rounded(t[order], y[order], dy[order])
 
 
-def _rounded(t: Floats, y: Floats, dy: Floats, parts: int = 6) -> tuple[Floats, Floats, Floats]:
+def _rounded(t: Floats, y: Floats, dy: Floats) -> tuple[Floats, Floats, Floats]:
     """Return cubic interpolants between neighbouring states (y and y' at both ends), for smooth lines.
 
     For a sample spacing h the error is (h w)^4/384 of the motion's size, less than a line's width. NaN remains a break.
     """
     if len(t) > 50_000:
         return t, y, dy
-    s, h = np.arange(parts) / parts, np.diff(t)[:, None]
+    s, h = np.arange(PARTS) / PARTS, np.diff(t)[:, None]
     y0, y1, v0, v1 = y[:-1, None], y[1:, None], dy[:-1, None], dy[1:, None]
     # Between nearly equal instants, as at an impact, slopes would consist of rounding errors.
     apart = h > 1e-6 * h.max(initial=0.0)
