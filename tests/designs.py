@@ -63,14 +63,14 @@ def random_designs(rng, number):
         yield plain.replace(gap=gaps[rng.choice(4, p=[0.15, 0.35, 0.25, 0.25])])
 
 
-def random_oscillator(random):
+def random_oscillator(random, damped=(-3.0, -0.5), omega=(0.3, 5.0), restitution=(0.6, 0.98), gap=(-0.9, 2.5)):
     """Return a dimensionless oscillator, one in eleven of which is irregular from rest."""
     return vi.ImpactOscillator(
         mass=10 ** random.uniform(-0.5, 0.5),
-        damping=10 ** random.uniform(-3.0, -0.5),
-        omega=random.uniform(0.3, 5.0),
-        restitution=random.uniform(0.6, 0.98),
-        gap=random.uniform(-0.9, 2.5),
+        damping=10 ** random.uniform(*damped),
+        omega=random.uniform(*omega),
+        restitution=random.uniform(*restitution),
+        gap=random.uniform(*gap),
     )
 
 

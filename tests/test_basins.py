@@ -191,13 +191,7 @@ def test_every_stable_orbit_of_one_impact_is_an_attractor():
     # 2,000 were tried once (seeds 1 and 7): all were found.
     random, orbits = np.random.default_rng(12), 0
     while orbits < 60:
-        osc = vi.ImpactOscillator(
-            mass=10 ** random.uniform(-0.5, 0.5),
-            damping=10 ** random.uniform(-3.0, -0.5),
-            omega=random.uniform(0.3, 5.0),
-            restitution=random.uniform(0.2, 0.98),
-            gap=random.uniform(-0.8, 2.5),
-        )
+        osc = random_oscillator(random, restitution=(0.2, 0.98), gap=(-0.8, 2.5))
         known = vi.find_orbit(osc, n_periods=int(random.integers(1, 17)))
         stable = [orbit for orbit in known if orbit.stable and orbit.admissible]
         found = [attractor for attractor in (vi.attractors(osc) if stable else []) if attractor.kind == "periodic"]

@@ -7,6 +7,7 @@ from numba import njit
 from scipy.linalg import expm
 
 import vibroimpact as vi
+from designs import random_oscillator
 from vibroimpact.kernels.advance import FLIGHT, IMPACT, _step
 from vibroimpact.kernels.cell import Cell, prepare
 from vibroimpact.kernels.flight import flow
@@ -168,13 +169,7 @@ def test_near_misses_that_leaps_pass_are_the_witness_s():
     window = {"transient_impacts": 3, "sample_impacts": 12, "early_closing": False}
     names = ["grazing_margin", "mean_velocity", "n_periods"]
     for _ in range(200):
-        osc = vi.ImpactOscillator(
-            mass=10.0 ** rng.uniform(-0.5, 0.5),
-            damping=10.0 ** rng.uniform(-3, -1),
-            omega=rng.uniform(3, 9),
-            restitution=rng.uniform(0.5, 0.95),
-            gap=rng.uniform(-0.3, 0.3),
-        )
+        osc = random_oscillator(rng, (-3, -1), omega=(3, 9), restitution=(0.5, 0.95), gap=(-0.3, 0.3))
         ours, theirs = (
             vi.parameter_map(osc, omega=[osc.omega], indices=names, backend=name, **window).isel(omega=0)
             for name in ("cpu", "reference")

@@ -7,7 +7,7 @@ import pytest
 
 import vibroimpact as vi
 from designs import random_designs
-from systems import a_random_system, chain, changed, free_masses, on_springs, sticking, system, two_masses
+from systems import STEEL, a_random_system, chain, changed, free_masses, on_springs, sticking, system, two_masses
 from vibroimpact.coexistence.measuring import Runner
 from vibroimpact.indices import INDICES as EVERY_INDEX
 from vibroimpact.model.scales import scale_of
@@ -112,13 +112,6 @@ def test_powers_of_two_scale_every_cell_of_a_system_bit_for_bit(name, unit):
 # Verdicts in other units
 
 SYSTEMS = range(100) if "FUZZ" in os.environ else (0, 1, 4, 5)  # `make fuzz` asks for all
-STEEL = vi.ImpactSystem(
-    mass=2,
-    damping=4,
-    stiffness=2e4,
-    force=vi.Force(omega=150, harmonics={1: 5}),
-    stops=[vi.Stop(direction=1, gap=0, stiffness=2e5)],
-)
 
 
 def in_units(osc, mass, length, time):
