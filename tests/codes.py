@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 import vibroimpact as vi
+from differences import derivative
 from systems import CONTACT, linear, one_mass
 from vibroimpact.backends.reference.systems import follow
 from vibroimpact.indices import INDICES
@@ -82,14 +83,7 @@ def later(code, model, state, begin, turns):
 
 def differences(code, model, x, begin, turns, step=2e-5):
     """Return the derivative of the state some driving periods later by the state before, by central differences."""
-    columns = []
-    for unit in step * np.eye(len(x)):
-        near, far = (
-            (later(code, model, x + k * unit, begin, turns) - later(code, model, x - k * unit, begin, turns)) / (2 * k)
-            for k in (1, 2)
-        )
-        columns.append((4 * near - far) / (3 * step))
-    return np.array(columns).T
+    return derivative(lambda state: later(code, model, state, begin, turns), x, step)
 
 
 class Way:

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 
 import vibroimpact as vi
 from contents import special_points
+from differences import derivative
 from dop853 import later
 from vibroimpact.orbits.labelled import orbits_dataset
 
@@ -277,11 +278,8 @@ def test_an_orbit_returns_to_itself_and_its_multipliers_are_those_of_a_runge_kut
     begin, pushing = turn * system.period, [names.index(stop) for stop in pushing]
     state = np.concatenate([part[0] for part in orbit.motion([begin])[:2]])
     assert later(system, state, begin, orbit.period, pushing) == pytest.approx(state, abs=1e-9)
-    step, moved = 1e-5, []
-    for nudge in step * np.eye(len(state)):
-        there, back = (later(system, state + sign * nudge, begin, orbit.period, pushing) for sign in (1, -1))
-        moved.append((there - back) / (2.0 * step))
-    expected = np.linalg.eigvals(np.array(moved).T)
+    jacobian = derivative(lambda x: later(system, x, begin, orbit.period, pushing), state, 1e-5)
+    expected = np.linalg.eigvals(jacobian)
     for multiplier in orbit.multipliers:
         assert np.abs(expected - multiplier).min() < 2e-6
     assert np.prod(orbit.multipliers).real == pytest.approx(orbit.determinant, abs=1e-12)

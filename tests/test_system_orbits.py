@@ -9,6 +9,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import vibroimpact as vi
+from differences import derivative
 from systems import (
     CHAIN,
     a_random_system,
@@ -373,8 +374,7 @@ def differences(system, orbit, step=1e-6):
             x, now = plain.hit(stops[name], plain.fly(x, now, hit), hit), hit
         return plain.fly(x, now, begin + orbit.period)
 
-    size = step * np.abs(start).max()
-    return np.array([(after(start + dx) - after(start - dx)) / (2 * size) for dx in size * np.eye(len(start))]).T
+    return derivative(after, start, step * np.abs(start).max())
 
 
 def test_multipliers_are_those_of_differences_between_neighbouring_motions():
@@ -535,9 +535,8 @@ def test_the_derivatives_of_the_equations_are_those_of_differences(n):
         angles = np.sort(rng.uniform(0.0, cycle.length, len(stops)))
         unknown = np.append(angles, rng.standard_normal(2 * n))
         _, matrix = cycle.linearised(unknown)
-        for j, step in enumerate(1e-6 * np.eye(len(unknown))):
-            change = cycle.linearised(unknown + step)[0] - cycle.linearised(unknown - step)[0]
-            assert change / 2e-6 == pytest.approx(matrix[:, j], abs=1e-7 * np.abs(matrix).max())
+        known = derivative(lambda x, cycle=cycle: cycle.linearised(x)[0], unknown, 1e-6)
+        assert known == pytest.approx(matrix, abs=1e-7 * np.abs(matrix).max())
 
 
 def test_every_orbit_that_newton_reaches_from_anywhere_is_one():
