@@ -435,3 +435,14 @@ def sticking():
             vi.Stop(direction=[0, 1], gap=0.3, restitution=0.6),
         ],
     )
+
+
+def cantilever(elements, length=1.0):
+    """Return the matrices of a clamped beam of unit mass per length and rigidity: Petyt's of its elements, M and K."""
+    k = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]], float) / length**3
+    m = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]], float) * length / 420.0
+    scale = np.outer([1.0, length, 1.0, length], [1.0, length, 1.0, length])
+    whole = np.zeros((2, 2 * elements + 2, 2 * elements + 2))
+    for at in range(0, 2 * elements, 2):
+        whole[:, at : at + 4, at : at + 4] += np.array([m, k]) * scale
+    return whole[:, 2:, 2:]

@@ -10,6 +10,7 @@ from scipy.linalg import eigvalsh
 from scipy.optimize import brentq
 
 import vibroimpact as vi
+from systems import cantilever
 from vibroimpact.models import fe_beam, fe_rod
 from vibroimpact.models.beam_modes import beam_modes
 from vibroimpact.orbits.systems.orbit import cycle_of
@@ -130,13 +131,9 @@ def test_a_node_is_at_each_support():
 
 
 def test_frequencies_are_the_eigenvalues_of_textbook_matrices():
-    """Two Hermite elements of length 1 that are clamped on their left: Petyt's matrices."""
-    k = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]], float)
-    m = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]], float) / 420.0
-    whole = np.zeros((2, 6, 6))
-    for at in (0, 2):
-        whole[:, at : at + 4, at : at + 4] += np.array([k, m])
-    squares = eigvalsh(*whole[:, 2:, 2:])
+    """Two elements of length 1 that are clamped on their left."""
+    mass, stiffness = cantilever(2)
+    squares = eigvalsh(stiffness, mass)
     beam = unit(fe_beam, 2, length=2.0)
     assert beam.natural_frequencies == pytest.approx(np.sqrt(squares), rel=1e-12)
 

@@ -119,22 +119,6 @@ def test_many_attractors_share_the_last_colour(ax):
     np.testing.assert_allclose(shades(ax)[2:, 1], [to_rgb(FURTHER)] * 3)
 
 
-def test_colours_of_attractors_stay_apart_without_red_or_green():
-    """Seen with two kinds of cones only (Machado et al. 2009, severity 1) no two colours of a portrait are alike."""
-    deuteranopia = np.array(
-        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.01182, 0.04294, 0.968881]]
-    )
-    protanopia = np.array(
-        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
-    )
-    colors = np.array([to_rgb(color) for color in (*ATTRACTORS[:4], OPEN)])
-    linear = np.where(colors <= 0.04045, colors / 12.92, ((colors + 0.055) / 1.055) ** 2.4)
-    for eyes in (np.eye(3), deuteranopia, protanopia):
-        seen = np.clip(linear @ eyes.T, 0, 1) ** (1 / 2.2)
-        apart = np.linalg.norm(seen[:, None] - seen[None], axis=-1) + 10 * np.eye(len(seen))
-        assert apart.min() > 0.15
-
-
 @pytest.mark.parametrize(
     ("value", "message"),
     [

@@ -18,7 +18,8 @@ from vibroimpact.dataset import provenance, status_variable, variable
 from vibroimpact.motion import MotionClass
 from vibroimpact.motion.classes import motion_variable
 from vibroimpact.plotting import boundaries, exponent_map, index_contour, motion_map
-from vibroimpact.plotting.categories import COLORS, OTHER_PERIODIC, PALETTE, USUAL, name_colors
+from vibroimpact.plotting.categories import COLORS, OPEN, OTHER_PERIODIC, PALETTE, USUAL, name_colors
+from vibroimpact.plotting.motions import ATTRACTORS
 from vibroimpact.plotting.style import BOUNDARY_COLORS, STATUS_COLORS, STICKING
 
 OSC = vi.ImpactOscillator()
@@ -148,7 +149,8 @@ def seen(color, sight):
 def test_colours_stay_apart_for_colour_blind_readers(sight):
     motions = [*PALETTE, OTHER_PERIODIC, *COLORS.values()]
     lines = [color for color, _ in BOUNDARY_COLORS.values()]
-    for colors in (motions, lines):
+    attractors = [*ATTRACTORS[:4], OPEN]
+    for colors in (motions, lines, attractors):
         apart = [np.linalg.norm(seen(a, sight) - seen(b, sight)) for a, b in combinations(colors, 2)]
         assert min(apart) > 14.0  # neighbouring steps of a fine scale are 2 or 3 apart
 

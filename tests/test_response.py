@@ -11,6 +11,7 @@ from scipy.interpolate import barycentric_interpolate
 from scipy.linalg import eigh
 
 import vibroimpact as vi
+from systems import cantilever
 from vibroimpact.orbits.systems.response import extremes
 
 FIELDS = ("amplitude", "rms", "mean", "harmonic_amplitude", "harmonic_phase")
@@ -135,14 +136,8 @@ def test_the_phase_resonance_of_the_beam_with_a_spring_is_that_of_harmonic_balan
     """Cantilever of seven elements, spring behind 1 mm at .3 m, .8 % in its modes with the spring, 20 N at the tip."""
     length, section = 0.1, 0.03
     rigidity, per_length = 185e9 * section**4 / 12.0, 7830.0 * section**2
-    mass, stiffness = np.zeros((16, 16)), np.zeros((16, 16))
-    bending = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]], float)
-    inertia = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]], float)
-    scale = np.outer([1.0, length, 1.0, length], [1.0, length, 1.0, length])
-    for at in range(0, 14, 2):
-        stiffness[at : at + 4, at : at + 4] += rigidity / length**3 * bending * scale
-        mass[at : at + 4, at : at + 4] += per_length * length / 420.0 * inertia * scale
-    mass, stiffness = mass[2:, 2:], stiffness[2:, 2:]
+    mass, stiffness = cantilever(7, length)
+    mass, stiffness = per_length * mass, rigidity * stiffness
     hertz = np.sqrt(eigh(stiffness, mass, eigvals_only=True)) / (2.0 * math.pi)
     assert hertz[:5].round(1).tolist() == [48.1, 301.3, 844.4, 1659.2, 2758.0]
     spring, tip = np.eye(14)[4], np.eye(14)[12]
