@@ -188,9 +188,15 @@ def _initial_condition(start: Any, rest: str) -> str:
     return f"y = {start.displacement:g} m, y' = {start.velocity:g} m/s at t = {start.time:g} s"
 
 
+def arguments_of(dataset: xr.Dataset) -> dict[str, Any]:
+    """Return the arguments of the function that computed a result; none if they are not recorded."""
+    arguments: dict[str, Any] = json.loads(dataset.attrs.get("arguments", "{}"))
+    return arguments
+
+
 def start_of(dataset: xr.Dataset) -> State | None:
     """Return the initial condition of one motion; None means at rest."""
-    start = json.loads(dataset.attrs["arguments"])["start"]
+    start = arguments_of(dataset)["start"]
     if start is None:
         return None
     call: Any = ast.parse(start, mode="eval").body
@@ -351,7 +357,7 @@ def unbundle(dataset: xr.Dataset) -> list[xr.Dataset]:
 
 def _in_order(part: xr.Dataset) -> xr.Dataset:
     """Return a curve with its plane's parameters in the order given; stores sort them alphabetically."""
-    names = json.loads(part.attrs.get("arguments", "{}")).get("parameters", ())
+    names = arguments_of(part).get("parameters", ())
     plane = [name for name in names if name in part.coords]
     return part.drop_vars(plane).assign_coords({name: part[name].variable for name in plane})
 

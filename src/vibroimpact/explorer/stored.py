@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from vibroimpact import models
-from vibroimpact.dataset import model_of
+from vibroimpact.dataset import arguments_of, model_of
 from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.models import Find, name_in_links
 from vibroimpact.explorer.plane import Plane, Stored, positions
@@ -139,7 +139,7 @@ def _model_of(
 def _samples(sweep: xr.Dataset) -> int:
     """Return the allowed number of sampled impacts that is nearest to the sweep's."""
     try:
-        wanted = float(json.loads(sweep.attrs["arguments"])["sample_impacts"])
+        wanted = float(arguments_of(sweep)["sample_impacts"])
     except (KeyError, TypeError, ValueError):
         return View.samples
     return min(SAMPLES, key=lambda samples: abs(samples - wanted))
@@ -166,7 +166,7 @@ def _within(parameter: Parameter, edge: float, value: float) -> float:
 def _origin(sweep: xr.Dataset) -> str:
     """Return the initial condition of a stored sweep as text, as far as it is recorded."""
     try:
-        start = json.loads(sweep.attrs["arguments"])["start"]
+        start = arguments_of(sweep)["start"]
     except (KeyError, TypeError, ValueError):
         return "from the stored initial condition"
     return Plane.origin if start is None else "from the stored initial condition"

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.dataset import dataset_of, flags, model_of, variable
+from vibroimpact.dataset import arguments_of, dataset_of, flags, model_of, variable
 from vibroimpact.motion import NAMING, MotionClass, decide, may_wind, stored
 from vibroimpact.parameters import invalid
 
@@ -115,7 +114,7 @@ def _growth(sweep: xr.Dataset) -> Any:
 
 
 def _sampled_impacts(sweep: xr.Dataset) -> Any:
-    arguments = json.loads(sweep.attrs.get("arguments", "{}"))
+    arguments = arguments_of(sweep)
     if "sample_impacts" in arguments:
         return float(arguments["sample_impacts"])
     if "count" in sweep and "impact" in sweep.dims:

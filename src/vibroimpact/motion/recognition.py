@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.cells import Floats
-from vibroimpact.dataset import model_of, start_of
+from vibroimpact.dataset import arguments_of, model_of, start_of
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.motion import NAMING, Motion, MotionClass, decide, may_wind
 from vibroimpact.motion.neighbours import resolved, separations
@@ -128,7 +127,7 @@ def _by_states(section: xr.Dataset, system: ImpactSystem, **limits: Any) -> _Evi
     status, period, keep = Status(int(section["status"])), system.period, 0
     n, p, growth = *system_cycle(section, period, **limits), 0.0
     if status.has_indices and (not n or section.sizes["stick"]):
-        arguments = json.loads(section.attrs["arguments"])
+        arguments = arguments_of(section)
         keep = arguments["sample_impacts"]
         measurement = Measurement(ImpactWindow(arguments["transient_impacts"], keep), Tolerances(), indices=NAMING)
         values = get_backend("cpu").indices(system.cells({}, start_of(section)), measurement)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.dataset import dataset_of, model_of, plain_variable, variable
+from vibroimpact.dataset import arguments_of, dataset_of, model_of, plain_variable, variable
 from vibroimpact.labels import impulses_of
 from vibroimpact.matrices import numbers
 from vibroimpact.model import is_model
@@ -107,7 +107,7 @@ def impact_statistics(
     }
     variables["duration"] = plain_variable((), record.duration, {"long_name": "time", "units": "s", "symbol": "T"})
     kept = {name: text for name, text in motion.attrs.items() if name not in ("function", "arguments")}
-    arguments = {"by": by, "rest_time": gap} | json.loads(motion.attrs["arguments"])
+    arguments = {"by": by, "rest_time": gap} | arguments_of(motion)
     coords = {"stop": plain_variable("stop", np.array(names), {"long_name": "support"}), **_classes(edges)}
     attrs = kept | {"function": "impact_statistics", "arguments": json.dumps(arguments)}
     return dataset_of(variables | {"status": motion["status"].variable}, coords, attrs)

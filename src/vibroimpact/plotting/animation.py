@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import shutil
@@ -19,6 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
+from vibroimpact.dataset import arguments_of
 from vibroimpact.files import check_output, replacing
 from vibroimpact.parameters import positive_number
 from vibroimpact.plotting.orbits import time_history
@@ -136,7 +136,7 @@ def _frames(ax: Axes, simulation: xr.Dataset, number: int) -> Iterator[Image.Ima
 
 def _period(simulation: xr.Dataset) -> float:
     """Return the driving period, from the number of samples per period."""
-    density = json.loads(simulation.attrs["arguments"])["samples_per_period"]
+    density = arguments_of(simulation)["samples_per_period"]
     return float(np.diff(simulation["time"].values).mean()) * float(density)
 
 

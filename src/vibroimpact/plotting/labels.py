@@ -12,7 +12,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 
-from vibroimpact.dataset import VARIABLES, model_of
+from vibroimpact.dataset import VARIABLES, arguments_of, model_of
 from vibroimpact.model import Model
 from vibroimpact.model.units import DISPLAY, display
 from vibroimpact.parameters import counted, hertz
@@ -213,6 +213,6 @@ def title(dataset: xr.Dataset) -> str:
 def _origin(dataset: xr.Dataset) -> str:
     """Return the initial condition of a result as text; empty if it is not recorded."""
     start = str(dataset.attrs.get("initial_condition", "")).partition(":")[0]
-    direction = json.loads(dataset.attrs.get("arguments", "{}")).get("direction", "fresh")
+    direction = arguments_of(dataset).get("direction", "fresh")
     way = "" if direction == "fresh" else f"going {direction} "
     return f"{way}from {'rest' if start.startswith('rest') else start}" if start else ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,7 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from vibroimpact.dataset import VARIABLES
+from vibroimpact.dataset import VARIABLES, arguments_of
 from vibroimpact.figures import EXPONENTS
 from vibroimpact.motion.classes import classify
 from vibroimpact.parameters import choice, counted
@@ -159,7 +158,7 @@ def _title(dataset: xr.Dataset) -> str:
     fixed = labels.title(dataset)
     if "phase" in dataset.dims or not fixed:
         return fixed
-    phase = json.loads(dataset.attrs["arguments"]).get("phase", 0.0)
+    phase = arguments_of(dataset).get("phase", 0.0)
     return f"{fixed},  {labels.value_text(VARIABLES['phase'][2], phase, '')}"
 
 

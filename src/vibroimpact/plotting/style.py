@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar
@@ -19,6 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
+from vibroimpact.dataset import arguments_of
 from vibroimpact.motion import motion_name, refined
 from vibroimpact.parameters import counted, invalid
 from vibroimpact.plotting.labels import letters, wrapped
@@ -311,7 +311,7 @@ def origin(dataset: xr.Dataset) -> str:
     """Return the initial condition of a map's motions as text such as ' from rest', or ''."""
     if "origin" in dataset.attrs:
         return str(dataset.attrs["origin"])
-    arguments = json.loads(dataset.attrs.get("arguments", "{}"))
+    arguments = arguments_of(dataset)
     fresh = arguments.get("direction", "fresh") == "fresh"
     from_rest = fresh and "start" in arguments and arguments["start"] is None
     return " from rest" if from_rest else ""

@@ -12,7 +12,7 @@ import numpy as np
 
 from vibroimpact.coexistence.attractor import distinct, distinct_names
 from vibroimpact.coexistence.losses import why_undecided
-from vibroimpact.dataset import bifurcation_name, displayed, model_of, unbundle
+from vibroimpact.dataset import arguments_of, bifurcation_name, displayed, model_of, unbundle
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
 from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along, motion_name
 from vibroimpact.motion.recognition import recognise, recurrence
@@ -57,7 +57,7 @@ def _simulation(dataset: xr.Dataset) -> Iterator[str]:
     time, speeds = dataset["time"].values, dataset["impact_velocity"].values
     if len(time):
         periods = f"{(time[-1] - time[0]) / model.period:.4g} driving periods of {model.period:.4g} s, "
-        if not model.periodic or "pieces" in json.loads(dataset.attrs["arguments"]):
+        if not model.periodic or "pieces" in arguments_of(dataset):
             periods = ""
         yield f"{initial_condition(dataset, after=': ')}{periods}{time[0]:.4g} to {time[-1]:.4g} s"
         yield from _places(dataset)

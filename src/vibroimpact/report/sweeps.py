@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping
 from itertools import groupby
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.dataset import displayed, model_of
+from vibroimpact.dataset import arguments_of, displayed, model_of
 from vibroimpact.indices import EVERY, ROUNDING, VELOCITY_INDICES, spread_scale
 from vibroimpact.motion import MotionClass, decide, listed, may_wind, motion_name, refined
 from vibroimpact.motion.classes import NEEDED, classify
@@ -66,7 +65,7 @@ def hits_of(dataset: xr.Dataset) -> Iterator[str]:
     with_impacts = [status for status in Status if status.has_indices or status == Status.DECAYING]
     has_impacts = np.isin(field.values, with_impacts)
     first, others = has_impacts[0], has_impacts.any(axis=0) & ~has_impacts[0] & (field.values[0] != Status.BUDGET)
-    start = json.loads(dataset.attrs.get("arguments", "{}")).get("start")
+    start = arguments_of(dataset).get("start")
     at_rest = isinstance(start, int) or (isinstance(start, list) and start[:1] == [None])
     origin = "rest" if at_rest else "the first initial condition"
     yield (
@@ -127,7 +126,7 @@ def diagram_sentences(dataset: xr.Dataset) -> Iterator[str]:
     axis = str(dataset["status"].dims[0])
     shown = displayed(dataset)
     values, unit = shown[axis].values, shown[axis].attrs["units"]
-    direction = json.loads(dataset.attrs.get("arguments", "{}")).get("direction", "fresh")
+    direction = arguments_of(dataset).get("direction", "fresh")
     start = initial_condition(dataset, ", each from ")
     if direction != "fresh":
         start = initial_condition(dataset, f", going {direction} from ", ", then each next one from the last state")
