@@ -191,6 +191,12 @@ def test_on_a_terminal_a_long_computation_shows_how_far_it_is_unless_it_is_told_
     assert said(LONG[label], io.StringIO()) == []  # a file
 
 
+@pytest.mark.parametrize(("shell", "seen"), [(SimpleNamespace(kernel=...), True), (object(), False), (None, False)])
+def test_a_passing_line_is_shown_in_notebooks_of_any_kind(said, monkeypatch, shell, seen):
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+    assert bool(said(LONG["cells"], io.StringIO())) == seen
+
+
 def test_a_passing_line_is_gone_at_the_end_and_is_not_shown_within_another_nor_in_threads(said):
     stream = Terminal()
     said(lambda: vi.simulate(OSC, periods=200_000, samples_per_period=1), stream)

@@ -85,8 +85,12 @@ def watched() -> bool:
     """Return whether the error stream of this thread is read by somebody: on a terminal or in a notebook."""
     if Pulse.latest is not None or threading.current_thread() is not threading.main_thread():
         return False
-    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    return type(shell).__name__ == "ZMQInteractiveShell" or sys.stderr.isatty()
+    return in_notebook() or sys.stderr.isatty()
+
+
+def in_notebook() -> bool:
+    """Return whether this process is the kernel of a notebook."""
+    return hasattr(getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)(), "kernel")
 
 
 class Passing:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import sys
 import threading
 from typing import Any
 
 from vibroimpact.explorer import explore as serve
 from vibroimpact.explorer import make_server
 from vibroimpact.model import Model
+from vibroimpact.progress import in_notebook
 
 
 def explore(model: Model | None = None, *, height: int = 800) -> Any:
@@ -44,8 +44,7 @@ def explore(model: Model | None = None, *, height: int = 800) -> Any:
     >>> import vibroimpact as vi
     >>> vi.explore(vi.family(vi.models.bouncing_ball))  # doctest: +SKIP
     """
-    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    if not hasattr(shell, "kernel"):
+    if not in_notebook():
         serve(model=model)
         return None
     from IPython.display import IFrame

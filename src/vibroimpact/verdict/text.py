@@ -14,7 +14,7 @@ import numpy as np
 
 from vibroimpact import report
 from vibroimpact.coexistence.losses import CONTINUUM, attracts, lasting_stops
-from vibroimpact.coexistence.measuring import EQUAL, PAPER, SPREAD
+from vibroimpact.coexistence.measuring import EQUAL, PAPER, QUIET, SPREAD
 from vibroimpact.motion import MotionClass, listed
 from vibroimpact.showing import Table, aligned, wrapped
 from vibroimpact.verdict.advice import INSTANTS
@@ -108,7 +108,7 @@ def _motion(verdict: Verdict) -> Iterator[str]:
         yield f"from rest {motion.name}, repeats every {motion.n_periods * design.period:.4g} s"
     elif kind == MotionClass.UNDECIDED:
         yield f"from rest undecided: {_why_undecided(verdict)}"
-    elif kind in (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER, MotionClass.AT_REST) and not design.forgets:
+    elif kind in QUIET and not design.forgets:
         yield f"from rest {motion.name}{_clear_of(verdict)}"
     else:
         yield f"from rest {motion.sentence(design.period)}"
