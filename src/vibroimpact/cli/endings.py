@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 from vibroimpact.parameters import MissingExtra
 
-FAILED, WRONG_REQUEST, INTERRUPTED = 1, 2, 130
+FAILED, WRONG_REQUEST, INTERRUPTED = 1, 2, 130  # codes, as shells have them
 
 
 class Ended(Exception):

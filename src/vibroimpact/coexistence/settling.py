@@ -36,7 +36,7 @@ from vibroimpact.matrices import ROUNDING, block_matrix
 from vibroimpact.motion import MotionClass, decide, may_wind
 from vibroimpact.status import Status
 
-ROUNDS = 3
+ROUNDS = 3  # in which motions that do not repeat are followed further
 LONGER = 4  # how much each round is longer than the one before
 REPRESENTATIVES = 32  # chaotic initial conditions that are watched for all: as many as fill the lanes
 LATE_OF_SYSTEMS = ImpactWindow((1 << 14) - 1, 1 << 14)  # 32,767 impacts in all

@@ -20,7 +20,7 @@ MOST_OTHERS = 12  # coexisting motions offered as initial conditions
 TICKS = ("hertz", "log", "worst", "boundaries", "settled")  # choices between on and off
 MENUS = ("index", "samples", "line", "coordinate", "stop")  # choices among several values
 NUDGE = 1.0 / 64.0  # share of the plane per press of an arrow key
-ZOOM = 0.5
+ZOOM = 0.5  # of the plane, that a press of the button leaves
 DECADES = 100.0  # ratio of the ends from which a slider is logarithmic
 EXPORTS = (
     ("Picture (.png)", "png"), ("Plane's data (.nc)", "nc"), ("Point's motion (.csv)", "csv"),

@@ -31,7 +31,7 @@ from vibroimpact.explorer.state import CHOICES, View
 from vibroimpact.explorer.views import Parts
 from vibroimpact.explorer.work import Pool
 
-MOST_PAGES = 64
+MOST_PAGES = 64  # open at a time: all share the threads
 FULL = f"{MOST_PAGES} pages of this explorer are open, which is the limit. Close one, then reload this page."
 MOST_BYTES = 1 << 20  # bytes of a message or a request from a browser
 SILENT = 10.0  # s after which an idle connection is closed

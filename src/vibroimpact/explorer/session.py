@@ -27,7 +27,7 @@ from vibroimpact.explorer.work import Clock, Job, Pool, Refinement, Urgency, Wor
 Message = tuple[str, Any]
 Search = Callable[[View, KeepGoing], Any]
 
-MOST_UNDO = 200
+MOST_UNDO = 200  # views of a page that can be brought back
 SAME_GESTURE = 1.0  # s: changes of one control within this time are undone together
 OTHERS_DELAY = 1.2  # s without a click before the search for coexisting motions starts
 LINE_DELAY = 0.15  # s

@@ -19,7 +19,7 @@ from vibroimpact.model.units import without_unit
 from vibroimpact.parameters import Parameter, hertz, invalid, labelled, radians, real_number, with_unit
 
 SHOWN = (MOTION, *INDICES)
-SAMPLES = (200, 500, 1000, 2000, 5000)
+SAMPLES = (200, 500, 1000, 2000, 5000)  # impacts of a cell to choose from
 CASES = (
     "", "paper-mass", "paper-stiffness", "paper-damping", "paper-amplitude", "paper-restitution", "gap", "tube", "pipe",
     "ship", "valve",

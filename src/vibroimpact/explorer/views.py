@@ -39,7 +39,7 @@ MOST_LISTED = 5  # motions
 TRIED_THERE = f"impacts spread over phases 0 to 1 and velocities 0 to {FASTEST:g} V, V = max(f, k |g|)/√(km)"
 PINS = (RED, GREEN)
 COLORS = ("blue", "red", "green")  # of the present and the pinned motions: as in figures, lighter on a dark page
-SHOWN_PERIODS = 6
+SHOWN_PERIODS = 6  # driving periods of the time history, at least
 
 
 Parts = dict[str, dict[str, Any]]  # by names that the page's script knows; "#numbers" is the HTML of that element

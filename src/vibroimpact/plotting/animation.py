@@ -29,7 +29,7 @@ ENDINGS = (".gif", ".mp4")
 RATE = 25  # frames per second
 MOST = 3000  # frames: two minutes
 PERIODS = 10  # driving periods per page
-DOTS = 100
+DOTS = 100  # per inch
 
 
 def animate(

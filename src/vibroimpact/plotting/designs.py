@@ -34,7 +34,7 @@ _BOTTOM, _TOP = 0.0, 2.8
 _SPRING, _DAMPER = 2.05, 0.75
 
 SETTLED = 1000  # transient impacts and periods left out in a comparison
-SAMPLED = 2000
+SAMPLED = 2000  # impacts of each design in a comparison
 COMPARABLE = 4.0  # largest ratio between the views of two designs that share their axis limits
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from vibroimpact.execution.layout import TileWriter
     from vibroimpact.execution.store import SweepStore
 
-DEEPEST = 12
+DEEPEST = 12  # levels: one cell of the grid becomes 4096 along each axis
 
 
 def refine_map(

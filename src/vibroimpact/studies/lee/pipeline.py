@@ -33,7 +33,7 @@ SECTIONS = (
 )  # fmt: skip
 CLAIMS: tuple[Claim, ...] = tuple(claim for section in SECTIONS for claim in section.claims)
 RECORD, REPORT = "study.json", "report.html"  # the record also marks a folder as an earlier study
-FIGURE_WEIGHT, CLAIM_WEIGHT = 5, 2
+FIGURE_WEIGHT, CLAIM_WEIGHT = 5, 2  # of the progress shown, beside those of the jobs
 
 Progress = bool | Callable[[int, int, str], Any]
 
