@@ -79,22 +79,6 @@ def test_a_simulation_is_sampled_at_times_in_seconds(run, tmp_path, length, time
     assert vi.load(tmp_path / "motion.nc")["time"].values.tolist() == pytest.approx(times)
 
 
-@pytest.mark.parametrize(
-    ("length", "message"),
-    [
-        ("--times 2,1", "`times` must increase, got 2 s, then 1 s"),
-        ("--times 0:1", "`--times` must be T,T,... or FROM:TO:POINTS"),
-        ("--times 0:1kg:3", "`times`"),
-        ("--duration -1", "`duration` must be a finite number > 0, got -1"),
-        ("--duration 1 --periods 2", "give either `periods` or `duration`, not both"),
-    ],
-)
-def test_what_is_wrong_with_times_is_said(run, length, message):
-    code, _, complaints = run(f"simulate {length}")
-    assert code == 2
-    assert message in "\n".join(complaints)
-
-
 def test_a_load_in_pieces_is_typed_with_durations_and_forces(run):
     design = "simulate -p omega=2 -p gap=0.1"
     assert run(f"{design} --piece 500ms:20N --piece 0.5s:0 --piece 3s:model --times 0:4:81 --out a.nc")[0] == 0
@@ -129,6 +113,11 @@ def test_a_system_takes_a_force_for_each_coordinate_and_a_study_file_its_pieces(
 @pytest.mark.parametrize(
     ("typed", "message"),
     [
+        ("--times 2,1", "`times` must increase, got 2 s, then 1 s"),
+        ("--times 0:1", "`--times` must be T,T,... or FROM:TO:POINTS"),
+        ("--times 0:1kg:3", "`times`"),
+        ("--duration -1", "`duration` must be a finite number > 0, got -1"),
+        ("--duration 1 --periods 2", "give either `periods` or `duration`, not both"),
         ("--piece 0.5s", "`--piece` must be TIME:FORCE such as 4ms:50N, or 1s:model, got '0.5s'"),
         ("--piece 0:5", "`pieces[0] duration` must be a finite number > 0, got 0"),
         ("--piece 1s:2 --piece 1s:5m", "`pieces[1] force` must be a number, or one with a unit that can be turned"),
@@ -137,7 +126,7 @@ def test_a_system_takes_a_force_for_each_coordinate_and_a_study_file_its_pieces(
         ("--piece 1s:1 --periods 3", "give either `periods` or `pieces`, not both"),
     ],
 )
-def test_what_is_wrong_with_pieces_is_said(refused, typed, message):
+def test_what_is_wrong_with_times_and_pieces_is_said(refused, typed, message):
     assert message in refused(f"simulate {typed}")
 
 
