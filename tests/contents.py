@@ -3,6 +3,16 @@
 import numpy as np
 
 
+def differing(one, other, names=None):
+    """Return the variables that have not the same bits and shape in two results."""
+
+    def bits(result, name):
+        values = np.asarray(result[name])
+        return values.shape, values.tobytes()
+
+    return [name for name in (one.variables if names is None else names) if bits(one, name) != bits(other, name)]
+
+
 def special_points(branch, kind):
     """Return the special points of one kind of a branch."""
     return [point for point in branch.special if point.kind == kind]

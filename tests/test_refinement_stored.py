@@ -11,6 +11,7 @@ import zarr
 
 import store_driver as driver
 import vibroimpact as vi
+from contents import differing
 from processes import told_by
 from vibroimpact.execution.store import SweepStore
 from vibroimpact.files.guard import GuardedStore
@@ -43,8 +44,7 @@ def test_a_refined_map_killed_at_random_moments_is_in_the_end_the_uninterrupted_
     assert set(report["codes"]) <= {0, -9}
     for name in ("whole", *range(report["stores"])):
         loaded = vi.load(tmp_path / f"{name}.zarr")
-        for variable in NAMES:
-            assert loaded[variable].values.tobytes() == whole[variable].values.tobytes(), (name, variable)
+        assert not differing(loaded, whole, NAMES), name
         assert not list((tmp_path / f"{name}.zarr").rglob("*.partial"))
 
 
@@ -74,8 +74,7 @@ def test_a_damaged_chunk_of_the_picture_or_the_lists_is_found_and_made_again(tmp
     what = "1 damaged tile; computed" if "cells" in array else "the picture is damaged; drawn"
     assert SweepStore(store).faults() == [f"{what} again when you continue"]
     again = driver.refined(store)
-    for name in NAMES:
-        assert again[name].values.tobytes() == whole[name].values.tobytes(), name
+    assert not differing(again, whole, NAMES)
     assert SweepStore(store).is_whole()
 
 
@@ -161,14 +160,14 @@ def test_cells_that_are_not_those_asked_for_are_computed_anew(tmp_path, whole):
     root["progress/cells/cell"][:100] = cells[::-1]
     root["progress/cells/std"][:100] = 7.0
     found = driver.refined(tmp_path / "r.zarr")
-    assert all(found[name].values.tobytes() == whole[name].values.tobytes() for name in NAMES)
+    assert not differing(found, whole, NAMES)
 
 
 def test_batches_for_which_the_lists_have_no_room_are_computed_all_the_same(tmp_path, whole, monkeypatch):
     monkeypatch.setattr("vibroimpact.execution.layout.SPARE", -20)  # 4 tiles of 100 cells
     found = driver.refined(tmp_path / "r.zarr")
     assert SweepStore(tmp_path / "r.zarr").summary()["tiles"] == 4
-    assert all(found[name].values.tobytes() == whole[name].values.tobytes() for name in NAMES)
+    assert not differing(found, whole, NAMES)
 
 
 def test_cells_of_a_slow_back_end_are_kept_a_few_at_a_time(tmp_path):

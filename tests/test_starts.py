@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from contents import differing
 from designs import random_designs
 from systems import two_masses
 from vibroimpact.cells import spread
@@ -11,6 +12,7 @@ from vibroimpact.coexistence.measuring import spread_cells
 from vibroimpact.report import sentences_of
 
 NAMES = ("std", "max_velocity")
+COMPARED = (*NAMES, "status")
 SHORT = {"indices": NAMES, "transient_impacts": 20, "sample_impacts": 100}
 
 
@@ -22,10 +24,6 @@ def explicit(osc, number):
     return [None, *(vi.State(osc.gap, speed, time) for time, speed in hits)]
 
 
-def same(one, other):
-    return all(np.array_equal(one[name].values, other[name].values, equal_nan=True) for name in (*NAMES, "status"))
-
-
 @pytest.mark.parametrize("osc", list(random_designs(np.random.default_rng(13), 20)))
 def test_a_number_of_initial_conditions_gives_the_bits_of_each_of_them_in_every_cell(osc):
     gaps = np.array([osc.gap, osc.gap + 0.3 * osc.velocity_scale / osc.natural_frequency])
@@ -34,9 +32,11 @@ def test_a_number_of_initial_conditions_gives_the_bits_of_each_of_them_in_every_
     for at, gap in enumerate(gaps.tolist()):
         here = osc.replace(gap=gap)
         listed = vi.parameter_map(osc, start=explicit(here, 5), gap=[gap], **SHORT)
-        assert same(sweep.isel(gap=[at]), listed)
+        assert not differing(sweep.isel(gap=[at]), listed, COMPARED)
         for number, start in enumerate(explicit(here, 5)):
-            assert same(sweep.isel(gap=[at], start=number), vi.parameter_map(osc, start=start, gap=[gap], **SHORT))
+            assert not differing(
+                sweep.isel(gap=[at], start=number), vi.parameter_map(osc, start=start, gap=[gap], **SHORT), COMPARED
+            )
     worst = sweep["max_velocity"].max("start").values
     assert np.array_equal(worst, np.fmax.reduce(sweep["max_velocity"].values, axis=1), equal_nan=True)
 
@@ -55,11 +55,11 @@ def test_a_store_and_a_table_of_designs_hold_the_same_bits(tmp_path):
     grid = {"omega": np.linspace(0.5, 4.0, 7), "gap": [-0.2, 0.1]}
     whole = vi.parameter_map(vi.ImpactOscillator(), start=4, **grid, **SHORT)
     stored = vi.parameter_map(vi.ImpactOscillator(), start=4, store=tmp_path / "s.zarr", tile=9, **grid, **SHORT)
-    assert same(stored.load(), whole)
+    assert not differing(stored.load(), whole, COMPARED)
     table = {"omega": np.repeat(grid["omega"], 2), "gap": np.tile(grid["gap"], 7)}
     scattered = vi.parameter_map(vi.ImpactOscillator(), start=4, points=table, **SHORT)
-    flat = {name: whole[name].values.reshape(14, 4) for name in (*NAMES, "status")}
-    assert all(np.array_equal(scattered[name].values, flat[name], equal_nan=True) for name in flat)
+    flat = {name: whole[name].values.reshape(14, 4) for name in COMPARED}
+    assert not differing(scattered, flat, COMPARED)
     with pytest.raises(ValueError, match="start is at rest; 3 impacts .* there, at rest; 4 impacts .* here"):
         vi.parameter_map(vi.ImpactOscillator(), start=5, store=tmp_path / "s.zarr", **grid, **SHORT)
 
