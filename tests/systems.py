@@ -387,6 +387,17 @@ def free_pair(gap=3.0, **changes):
     return vi.ImpactSystem(**arguments | changes)
 
 
+def uncoupled(damping, stiffness, stops, load=(1.0, 0.0), omega=2.0, constant=None):
+    """Return two masses, each on a spring and a damper of its own."""
+    return vi.ImpactSystem(
+        mass=np.eye(2),
+        damping=np.diag(damping),
+        stiffness=np.diag(stiffness),
+        force=vi.Force(omega=omega, harmonics={1: [*load]}, constant=constant),
+        stops=stops,
+    )
+
+
 def random_pair(seed):
     """Return two masses on springs between walls, the second one between two stops."""
     rng = np.random.default_rng(seed)

@@ -18,6 +18,7 @@ from systems import (
     one_mass,
     sticking,
     system,
+    uncoupled,
 )  # fmt: skip
 from vibroimpact.backends.modal.carry import Carrier
 from vibroimpact.contact import hunt_crossley, piecewise
@@ -290,13 +291,8 @@ def test_free_masses_have_the_names_and_exponents_of_their_relative_motion():
 
 def test_a_rest_in_the_transient_hides_no_chaos_behind_another_part_of_the_machine():
     """The first mass, on its own, comes to rest once before it is chaotic; the second one only decays."""
-    machine = vi.ImpactSystem(
-        mass=np.eye(2),
-        damping=np.diag([0.0, 0.2]),
-        stiffness=np.diag([0.0, 2.0]),
-        force=vi.Force(omega=1.0, harmonics={1: [2.0, 1.0]}),
-        stops=[vi.Stop(direction=[sign, 0], gap=0.5, restitution=0.5) for sign in (1, -1)],
-    )
+    walls = [vi.Stop(direction=[sign, 0], gap=0.5, restitution=0.5) for sign in (1, -1)]
+    machine = uncoupled([0.0, 0.2], [0.0, 2.0], walls, [2.0, 1.0], omega=1.0)
     assert vi.impact_section(machine, transient_impacts=0, sample_impacts=100).sizes["stick"] == 1
     (found,) = index(machine, "lyapunov")
     assert found == pytest.approx(0.196, abs=0.02)

@@ -7,7 +7,7 @@ import pytest
 
 import vibroimpact as vi
 from differences import derivative
-from systems import beside_its_centre, free_masses, free_pair, on_springs, two_sided
+from systems import beside_its_centre, free_masses, free_pair, on_springs, two_sided, uncoupled
 
 
 def test_the_motion_from_rest_gives_the_orbit_that_it_settles_to():
@@ -58,13 +58,8 @@ def test_unforced_and_free_systems_say_why_nothing_repeats():
         free = vi.ImpactSystem(mass=np.eye(2), stiffness=np.zeros((2, 2)), force=unforced, stops=stops)
         assert "nothing supplies it" in vi.find_orbit(free).message
         for constant, words in ((None, "not isolated"), ([0.0, 0.1], "driven away by the load")):
-            driven = vi.ImpactSystem(
-                mass=np.eye(2),
-                damping=np.diag([0.1, 0.0]),
-                stiffness=np.diag([1.0, 0.0]),
-                force=vi.Force(omega=2.0, harmonics={1: [1.0, 0.0]}, constant=constant),
-                stops=[vi.Stop(direction=[1, 0], gap=0.0, **stop), far],
-            )
+            seat = vi.Stop(direction=[1, 0], gap=0.0, **stop)
+            driven = uncoupled([0.1, 0.0], [1.0, 0.0], [seat, far], constant=constant)
             assert words in vi.find_orbit(driven, stops="stop_1").message
 
 

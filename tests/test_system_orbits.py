@@ -21,6 +21,7 @@ from systems import (
     linear,
     one_mass,
     two_sided,
+    uncoupled,
 )  # fmt: skip
 from test_orbits import random_oscillator
 from vibroimpact.backends.reference.systems import follow
@@ -33,6 +34,8 @@ from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.symmetry import mirror
 
 pytestmark = pytest.mark.usefixtures("modal_engine")
+
+SEAT = vi.Stop(direction=[1, 0], gap=0.0, restitution=0.8)
 
 
 class Plain:
@@ -591,13 +594,7 @@ def test_a_fast_mode_that_dips_between_slow_samples_is_seen():
     """The stop sees a mode of 400 times the frequency that decays as the flight begins: it hits again at once."""
 
     def beam(share):
-        return vi.ImpactSystem(
-            mass=np.eye(2),
-            damping=np.diag([0.05, 2.0]),
-            stiffness=np.diag([1.0, 800.0**2]),
-            force=vi.Force(omega=2.0, harmonics={1: [1.0, 0.0]}),
-            stops=[vi.Stop(direction=[1.0, share], gap=0.0, restitution=0.8)],
-        )
+        return uncoupled([0.05, 2.0], [1.0, 800.0**2], [SEAT.replace(direction=[1.0, share])])
 
     (alone,), (joined,) = vi.find_orbit(beam(1e-9)), vi.find_orbit(beam(1.0))
     assert alone.admissible
@@ -617,12 +614,8 @@ def test_stops_that_are_struck_together_are_no_single_impact():
 
 def free_pair(constant=None, harmonic=0.0):
     """Return a mass in front of a stop, and a free one between stops far away."""
-    return vi.ImpactSystem(
-        mass=np.eye(2),
-        damping=np.diag([0.1, 0.0]),
-        stiffness=np.diag([1.0, 0.0]),
-        force=vi.Force(omega=2.0, harmonics={1: [1.0, harmonic]}, constant=constant),
-        stops=[vi.Stop(direction=[1, 0], gap=0.0, restitution=0.8), vi.Stop(direction=[0, 1], gap=9.0)],
+    return uncoupled(
+        [0.1, 0.0], [1.0, 0.0], [SEAT, vi.Stop(direction=[0, 1], gap=9.0)], [1.0, harmonic], constant=constant
     )
 
 
@@ -652,13 +645,7 @@ def test_where_there_is_no_isolated_orbit_the_reason_is_given(system, n, why):
 
 def test_an_undamped_mode_that_the_stop_does_not_see_is_named():
     def beside(stiffness):
-        return vi.ImpactSystem(
-            mass=np.eye(2),
-            damping=np.diag([0.1, 0.0]),
-            stiffness=np.diag([1.0, stiffness]),
-            force=vi.Force(omega=2.0, harmonics={1: [1.0, 1.0]}),
-            stops=[vi.Stop(direction=[1, 0], gap=0.0, restitution=0.8)],
-        )
+        return uncoupled([0.1, 0.0], [1.0, stiffness], [SEAT], [1.0, 1.0])
 
     assert "the force drives it without bound" in vi.find_orbit(beside(4.0)).message
     assert "orbits are not isolated" in vi.find_orbit(beside(16.0)).message
