@@ -14,7 +14,7 @@ import math
 from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, step_at, walk
 from vibroimpact.kernels.cell import phase_of
-from vibroimpact.kernels.cycle import ALIKE, PERIODS, describe, describe_turn
+from vibroimpact.kernels.cycle import ALIKE, NOT_SMALL, PERIODS, describe, describe_turn
 from vibroimpact.kernels.flight import flow, product
 from vibroimpact.kernels.law import saltation
 from vibroimpact.kernels.machine import inner
@@ -25,7 +25,6 @@ from vibroimpact.kernels.state import Motion
 
 LONGEST = 4096  # impacts of the longest cycle that is closed
 SURE = 1e-10  # of V: the most that the remaining way may change an index
-NOT_SMALL = 1e-3  # of the cycle's weakest impact: nearer to a graze nothing is linear
 
 
 @inner

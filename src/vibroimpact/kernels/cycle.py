@@ -12,6 +12,9 @@ from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.observers import DEVIATION
 from vibroimpact.kernels.state import Motion
 
+NOT_SMALL = 1e-3  # of a cycle's weakest impact: nearer to a graze nothing is linear
+UNREPEATED = 63.0  # periods over which a motion that does not repeat is followed for what it swings
+RETURNED = 1e-9  # of V: how near a cycle comes back to where it was
 ALIKE = 1e-8  # of V: two impacts of a cycle that are one and the same
 HOP = 0.2  # of a step: a flight from contact to contact as short as this has no dip
 # What is noted: periods, impacts (-1 of a complete chatter), ln of the spectral radius, the sum of the squared speeds,

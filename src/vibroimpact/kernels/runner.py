@@ -9,7 +9,7 @@ from vibroimpact.kernels import lanes as lane
 from vibroimpact.kernels.advance import IMPACT, LOOK, RELEASE, STUCK, walk
 from vibroimpact.kernels.cell import FILLED, QUIET_FOR, RUNNING, SPENT, budgets, cell_of, ending, phase_of, prepare
 from vibroimpact.kernels.closing import close
-from vibroimpact.kernels.cycle import forget
+from vibroimpact.kernels.cycle import RETURNED, UNREPEATED, forget
 from vibroimpact.kernels.flight import NONE
 from vibroimpact.kernels.leaps import doubled
 from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket, whole
@@ -32,10 +32,8 @@ from vibroimpact.kernels.state import Flow, accessors
 from vibroimpact.kernels.vectors import LANES as BLOCK
 from vibroimpact.kernels.vectors import anywhere, most, put_at, select
 
-MOST = 63.0  # periods over which a motion that does not repeat is followed for what it swings
 # Of the squares of rates: closer to resonance, or with a softer spring, the closed forms lose more than four digits.
 RESONANT, SOFT = 5e-3, 1e-4
-SAME = 1e-9  # of V: how near a contact of a cycle comes back
 NEAR = 2e-11  # of V: how close an impact must come back to be looked at
 
 
@@ -226,7 +224,7 @@ def _returned(motion, begun, k):
     """Return whether a contact is that at which the sums began."""
     late = (motion.s * begun.c - motion.c * begun.s) / k.th
     apart = abs(motion.p - begun.p) + (abs(motion.p) + k.A + abs(k.G)) * abs(late)
-    return (apart < SAME * most(k.A, abs(k.G)) / math.sqrt(k.K)) & (motion.s * begun.s + motion.c * begun.c > 0.0)
+    return (apart < RETURNED * most(k.A, abs(k.G)) / math.sqrt(k.K)) & (motion.s * begun.s + motion.c * begun.c > 0.0)
 
 
 @inner(forceinline=True)
@@ -239,8 +237,8 @@ def _swing(lanes, i, wide):
     begun = Begun(old.p, old.s, old.c, old.n, old.since + select(hit, 1.0, 0.0), old.most, old.first)
     store_begun(lanes, i, begun, wide)
     passed = motion.n - begun.first
-    due = (begun.since >= begun.most) | (passed >= MOST) | _returned(motion, begun, k)
-    due = (hit & due) | (passed > 2.0 * MOST) | (event == STUCK)
+    due = (begun.since >= begun.most) | (passed >= UNREPEATED) | _returned(motion, begun, k)
+    due = (hit & due) | (passed > 2.0 * UNREPEATED) | (event == STUCK)
     put_at(lanes, SWINGING * lane.LANES + i, wide, select(due, 1.0, 0.0))
     return anywhere(due)
 
@@ -277,11 +275,11 @@ def _turn(lanes, i, result):
     """Return the reason why a cell ends at a contact, or RUNNING: the sums then begin anew."""
     motion, begun, k = lane.load_motion(lanes, i), load_begun(lanes, i), lane.load_constants(lanes, i)
     stuck = motion.u == 0.0 and motion.p == 0.0 and k.G <= -k.A
-    if stuck or motion.n - begun.first > 2.0 * MOST:  # without an impact to come
+    if stuck or motion.n - begun.first > 2.0 * UNREPEATED:  # without an impact to come
         return SPENT
     first = motion.n
     if begun.most > 0.0:
-        returned, over = _returned(motion, begun, k), motion.n - begun.first >= MOST
+        returned, over = _returned(motion, begun, k), motion.n - begun.first >= UNREPEATED
         _keep(lanes, i, result, returned)
         if returned or over:
             return FILLED
@@ -309,7 +307,7 @@ def _seat(finals, wanted, ends, tickets, lanes, i):
 
 @compiled("swings of one mass", 7)
 def run_swings(finals, wanted, results, ends, tickets, lanes, owner, looks):
-    """Follow the wanted cells from their final motions until they return or MOST periods have passed.
+    """Follow the wanted cells from their final motions until they return or UNREPEATED periods have passed.
 
     Return how many lanes are busy.
     """

@@ -15,6 +15,7 @@ from vibroimpact.backends.one_mass import as_systems, resumed
 from vibroimpact.backends.scalar import Sweep, aligned
 from vibroimpact.cells import Cells
 from vibroimpact.kernels.cell import FILLED, Cell
+from vibroimpact.kernels.cycle import UNREPEATED
 from vibroimpact.kernels.held import InMemory
 from vibroimpact.kernels.systems import march, repeat, swing
 from vibroimpact.kernels.systems.layout import SWING
@@ -52,7 +53,7 @@ def _followed(
     k = layout_for(cells, False, False, False, False, True)
     table = in_steps(cells, measurement.tolerances.chatter, k)
     table[:, k.along : k.along + k.modes + 1 + 2 * k.harmonics] = direction
-    budgets = budgets_of(cells, measurement.tolerances, repeat.MOST)
+    budgets = budgets_of(cells, measurement.tolerances, UNREPEATED)
     results, ends = np.zeros((len(cells), SWING + k.stops)), np.zeros(len(cells), np.int8)
     memory, notes, owner = aligned(k.rows * LANES), aligned(noted(k) * LANES), np.full(LANES, -1)
     rows, note, tickets, busy = np.zeros((LANES, k.rows)), np.zeros(noted(k)), np.zeros(1, np.int64), 1

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from numba import types
 
-from vibroimpact.kernels.cycle import UNRESOLVED
+from vibroimpact.kernels.cycle import NOT_SMALL, UNRESOLVED
 from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.machine import copy, rare
 from vibroimpact.kernels.systems.event import go_on, lift, lower, lower_alike, occur, walk_on
@@ -52,7 +52,6 @@ from vibroimpact.kernels.systems.tangent import accelerate, confine, deviate, ha
 from vibroimpact.kernels.vectors import LANES
 
 SURE = 1e-12  # of V: the most that the remaining way may change an impact
-NOT_SMALL = 1e-3  # of the cycle's weakest impact: nearer to a graze nothing is linear
 SQUARED = 20  # times, M at most
 DOUBLED = 36  # times: what M^(2^i) is more than a power of its spectral radius counts 2^-i of that
 RETURNS = 4  # at most, until a cycle has its name: the impact that gives it may be replaced on the way

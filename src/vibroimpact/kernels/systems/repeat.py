@@ -10,6 +10,7 @@ import math
 
 from vibroimpact.kernels.advance import LOOK
 from vibroimpact.kernels.cell import FILLED, LAWLESS, RUNNING, SPENT
+from vibroimpact.kernels.cycle import RETURNED, UNREPEATED
 from vibroimpact.kernels.leaps import TURN
 from vibroimpact.kernels.machine import compiled, inner
 from vibroimpact.kernels.systems.event import go_on
@@ -18,9 +19,6 @@ from vibroimpact.kernels.systems.layout import NOTHING, SWING
 from vibroimpact.kernels.systems.march import GRANTED, IMPACTS, PERIODS, REFERENCE
 from vibroimpact.kernels.systems.swing import LARGEST, LEAST, LEFT
 from vibroimpact.kernels.vectors import LANES, anywhere, get
-
-MOST = 63.0  # periods of a motion that does not repeat
-SAME = 1e-9  # of V: how near the state of a cycle comes back
 
 
 @inner
@@ -44,7 +42,7 @@ def _returned(lanes, lane, k):
         felt = lanes[(k.along + j % k.modes) * LANES + lane] != 0.0
         if felt or not (k.free and lanes[(k.neutral + j) * LANES + lane] > 0.0):
             away += abs(lanes[(k.eta + j) * LANES + lane] - lanes[(k.reference + j) * LANES + lane])
-    return away < SAME * lanes[k.speed * LANES + lane]
+    return away < RETURNED * lanes[k.speed * LANES + lane]
 
 
 @inner
@@ -68,7 +66,7 @@ def _turn(lanes, lane, notes, k, result):
     since, total = IMPACTS * LANES + lane, PERIODS * LANES + lane
     notes[since] += 1.0
     notes[total] += 1.0
-    returned, over = _returned(lanes, lane, k), notes[total] >= MOST
+    returned, over = _returned(lanes, lane, k), notes[total] >= UNREPEATED
     if returned or over or notes[since] >= notes[REFERENCE * LANES + lane]:
         _keep(lanes, lane, k, result, not returned)
     if returned or over:
