@@ -13,8 +13,7 @@ from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.continuation.sticking import Sticking
 from vibroimpact.dataset import bundle
 from vibroimpact.orbits.equations import parameters_of
-from vibroimpact.orbits.one_mass import solve
-from vibroimpact.orbits.orbit import make_orbit, solution_of
+from vibroimpact.orbits.one_mass import make_orbit, solution_of, solve
 from vibroimpact.orbits.sticking import periods_from_release
 from vibroimpact.orbits.sticking_end import scaling_exponent
 from vibroimpact.report import sentences_of

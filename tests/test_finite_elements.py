@@ -13,7 +13,7 @@ import vibroimpact as vi
 from systems import cantilever
 from vibroimpact.models import fe_beam, fe_rod
 from vibroimpact.models.beam_modes import beam_modes
-from vibroimpact.orbits.systems.orbit import cycle_of
+from vibroimpact.orbits.cycle import cycle_of
 from vibroimpact.orbits.systems.sampling import places_of
 
 HERTZ = 2.0 * math.pi

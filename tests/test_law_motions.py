@@ -14,8 +14,8 @@ from systems import a_random_system, chain, linear, two_masses
 from vibroimpact.backends.reference.systems import follow
 from vibroimpact.contact import hunt_crossley, kelvin_voigt, law_of, piecewise
 from vibroimpact.dataset import model_of
-from vibroimpact.orbits.systems.events import Event
-from vibroimpact.orbits.systems.flow import Flow
+from vibroimpact.orbits.events import Event
+from vibroimpact.orbits.flow import Flow
 
 pytestmark = pytest.mark.usefixtures("modal_engine")
 

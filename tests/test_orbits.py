@@ -158,6 +158,7 @@ def test_the_determinant_is_what_impacts_and_damping_leave():
         osc = orbit.oscillator
         determinant = osc.restitution**6 * math.exp(-osc.damping * orbit.period / osc.mass)
         assert orbit.determinant == pytest.approx(determinant, rel=1e-13)
+        assert math.prod(orbit.multipliers) == pytest.approx(determinant, rel=1e-12)
 
 
 def test_scaling_leaves_phases_and_multipliers():

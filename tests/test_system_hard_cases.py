@@ -10,9 +10,9 @@ import vibroimpact as vi
 from codes import Engine, Witness
 from systems import a_random_system, impacts, linear, springs_of, system, two_masses
 from vibroimpact.backends.reference.systems import follow
+from vibroimpact.orbits.cycle import Leg
+from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.systems.admissibility import clearances, courses
-from vibroimpact.orbits.systems.cycle import Leg
-from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.sampling import evenly, sampled
 
 # Hard cases.

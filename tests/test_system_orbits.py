@@ -1,6 +1,7 @@
 """Periodic orbits of systems: closed forms, values of 24 digits, independent flights, and roots by brute force."""
 
 import math
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -26,12 +27,12 @@ from systems import (
 from test_orbits import random_oscillator
 from vibroimpact.backends.reference.systems import follow
 from vibroimpact.orbits import orbit_distance, same_orbit
-from vibroimpact.orbits.orbit import solution_of
+from vibroimpact.orbits.cycle import Cycle
+from vibroimpact.orbits.events import Event
+from vibroimpact.orbits.flow import Flow
+from vibroimpact.orbits.one_mass import solution_of
+from vibroimpact.orbits.symmetry import mirror
 from vibroimpact.orbits.systems.closed_form import roots
-from vibroimpact.orbits.systems.cycle import Cycle
-from vibroimpact.orbits.systems.events import Event
-from vibroimpact.orbits.systems.flow import Flow
-from vibroimpact.orbits.systems.symmetry import mirror
 
 pytestmark = pytest.mark.usefixtures("modal_engine")
 
@@ -168,8 +169,28 @@ def test_one_coordinate_and_one_stop_have_the_orbits_of_the_oscillator(n):
             assert np.array(orbit.multipliers) == pytest.approx(np.array(expected.multipliers), rel=1e-8, abs=1e-12)
             assert orbit.stable == expected.stable
             assert orbit.admissible == expected.admissible, (expected.message, orbit.message)
+            assert orbit.determinant == pytest.approx(expected.determinant, rel=1e-12)
+            assert orbit.turns == pytest.approx(expected.turns, abs=1e-11)
+            assert [kind for _, kind, _ in orbit.events] == [kind for _, kind, _ in expected.events] == ["impact"]
+            for known, contact in zip(expected.contacts, orbit.contacts, strict=True):
+                assert contact == pytest.approx(known, rel=1e-11, nan_ok=True)
+            assert (orbit.rests, orbit.pushing, orbit.symmetric) == (expected.rests, expected.pushing, False)
         count += len(found)
     assert count > 40
+
+
+def test_orbits_of_all_models_are_of_one_class():
+    for model in (vi.ImpactOscillator(omega=0.1), one_mass(vi.ImpactOscillator(omega=0.1)), two_sided()):
+        for n_impacts in (1, -1):
+            assert {type(orbit) for orbit in vi.find_orbit(model, n_impacts=n_impacts)} <= {vi.Orbit}
+
+
+@pytest.mark.parametrize(("omega", "n", "p"), [(2.0, 1, 1), (0.95, 1, 2), (3.0, 2, 3)])
+def test_impacts_alone_make_the_orbit_of_one_mass(omega, n, p):
+    orbit = vi.find_orbit(vi.ImpactOscillator(omega=omega), n_periods=n, n_impacts=p)[0]
+    made = vi.Orbit(orbit.oscillator, n, p, orbit.velocities, orbit.phases, orbit.multipliers)
+    assert made.turns == pytest.approx(orbit.turns, abs=1e-14)
+    assert replace(made, turns=orbit.turns, events=orbit.events) == orbit
 
 
 @pytest.mark.parametrize(("omega", "n", "p"), [(0.95, 1, 2), (2.8, 2, 2), (3.0, 2, 2), (1.2, 2, 3), (0.6, 1, 3)])

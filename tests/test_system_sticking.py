@@ -86,6 +86,8 @@ def test_one_mass_as_a_system_rests_as_the_oscillator_does(name):
     assert (rest.end - rest.begin) * one.period == pytest.approx(known.stuck_time, rel=1e-8)
     shared = min(len(orbit.velocities), len(known.velocities))
     assert orbit.velocities[:shared] == pytest.approx(known.velocities[:shared], rel=1e-8)
+    assert orbit.turns[:shared] == pytest.approx(known.turns[:shared], abs=1e-8)
+    assert rest == pytest.approx(known.rests[0]._replace(stop=rest.stop), abs=1e-8)
     assert np.abs(orbit.multipliers).max() < 1e-12
     assert orbit.lyapunov < -10.0 * one.omega
 

@@ -11,8 +11,9 @@ from processes import python
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.kernels.systems import march
 from vibroimpact.kernels.systems.pressed import repetition_is_due
+from vibroimpact.orbits import flow
 from vibroimpact.orbits.search import stable_orbits
-from vibroimpact.orbits.systems import admissibility, flow
+from vibroimpact.orbits.systems import admissibility
 
 OSC = vi.ImpactOscillator()
 SPREAD = np.linspace(0.05, 5.0, 128)

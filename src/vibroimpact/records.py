@@ -26,7 +26,7 @@ from vibroimpact.model import State, is_model
 from vibroimpact.orbits.labelled import orbits_dataset
 from vibroimpact.orbits.orbit import Orbit, Rest
 from vibroimpact.orbits.results import Orbits
-from vibroimpact.orbits.systems import Contact, SystemOrbit
+from vibroimpact.orbits.systems import Contact
 from vibroimpact.parameters import invalid
 from vibroimpact.status import Status
 
@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CLASSES: dict[str, Any] = {
-    kind.__name__: kind
-    for kind in (Orbit, SystemOrbit, Rest, Contact, State, Branch, Boundary, BifurcationPoint, Attractor, Orbits)
+    kind.__name__: kind for kind in (Orbit, Rest, Contact, State, Branch, Boundary, BifurcationPoint, Attractor, Orbits)
 }
 KIND = "class"  # the key that names a class
 

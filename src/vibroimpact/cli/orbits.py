@@ -72,7 +72,7 @@ def _type(options: Options) -> dict[str, Any]:
     return {name: options.value(name) for name in ("n_periods", "n_impacts")}
 
 
-def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits[Any]:
+def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits:
     """Return the orbits that strike the given stops in turn, or have the given type, or that of the options."""
     import vibroimpact
 
@@ -97,7 +97,7 @@ def _find(study: Study, options: Options, **orbit_type: Any) -> Orbits[Any]:
         return vibroimpact.find_orbit(study.model, n_periods=kind["n_periods"], **only, near=times)
 
 
-def orbits_json(orbits: Orbits[Any], model: Model) -> dict[str, Any]:
+def orbits_json(orbits: Orbits, model: Model) -> dict[str, Any]:
     """Return orbits as plain dictionaries, lists, numbers and text: NaN as None, multipliers as pairs."""
     design = model.at()
     return {
@@ -108,15 +108,14 @@ def orbits_json(orbits: Orbits[Any], model: Model) -> dict[str, Any]:
     }
 
 
-SUMMED = "name", "stable", "trace", "determinant"
+SUMMED = "name", "stable", "impulses", "trace", "determinant"
 
 
 def _described(orbit: Orbit) -> dict[str, Any]:
     names = (part.name for part in fields(orbit) if part.name not in ("oscillator", "family"))
-    content = {name: getattr(orbit, name) for name in names}
-    if "contacts" in content:
-        content |= {key: [each._asdict() for each in content[key]] for key in ("contacts", "rests")}
-    return {key: plain(value) for key, value in {**content, **{key: getattr(orbit, key) for key in SUMMED}}.items()}
+    content = {name: getattr(orbit, name) for name in (*names, *SUMMED)}
+    content |= {key: [each._asdict() for each in content[key]] for key in ("contacts", "rests")}
+    return {key: plain(value) for key, value in content.items()}
 
 
 # Branches
@@ -158,7 +157,7 @@ def follow(options: Options) -> None:
 
 
 def _branches(
-    orbits: Orbits[Any], parameter: str, span: Range, meter: Meter, step: float, doublings: int = 0
+    orbits: Orbits, parameter: str, span: Range, meter: Meter, step: float, doublings: int = 0
 ) -> list[Branch]:
     """Return the branches of the orbits found, then of those that are born at their period doublings."""
     from vibroimpact.continuation import continue_orbit, follow_all

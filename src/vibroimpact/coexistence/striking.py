@@ -38,9 +38,10 @@ from vibroimpact.coexistence.measuring import AT_REST, EQUAL, SPREAD, Runner, ca
 from vibroimpact.coexistence.settling import Settled, chaotic_groups, cycle_groups
 from vibroimpact.model import Model, State
 from vibroimpact.motion import MotionClass
-from vibroimpact.orbits.distance import Impacts, points_of, same_orbit
-from vibroimpact.orbits.systems import SystemOrbit, ended, find_near
-from vibroimpact.orbits.systems.orbit import cycle_of
+from vibroimpact.orbits.cycle import cycle_of
+from vibroimpact.orbits.distance import Impacts, equal_parts, points_of, same_orbit
+from vibroimpact.orbits.orbit import Orbit
+from vibroimpact.orbits.systems import ended, find_near
 
 SAME = 1e-6  # ten times how near a state must come back; of phases as points of the unit circle, and of the hardest hit
 FARTHEST = 1e-3  # of those: so far from a cycle its derivative says little
@@ -68,7 +69,7 @@ class SettledMotion:
     loss: float
     n_periods: int = 0
     tolerance: float = SAME
-    orbit: SystemOrbit | None = None
+    orbit: Orbit | None = None
 
     @cached_property
     def _boxes(self) -> tuple[NDArray[np.complex128], float]:
@@ -297,13 +298,11 @@ def _smallest(samples: Samples, span: slice, n: int) -> tuple[int, slice]:
     """Return the smallest number of periods, and the impacts, after which a cycle repeats."""
     p, impacts = span.stop - span.start, Impacts(samples.impact_phase[span], samples.impact_velocity[span])
     points = np.column_stack([points_of(impacts, np.max(impacts.velocities)), samples.impact_stop[span]])
-    for parts in range(math.gcd(n, p), 1, -1):
-        if n % parts == p % parts == 0 and np.abs(points - np.roll(points, p // parts, axis=0)).max() <= SAME:
-            return n // parts, slice(span.start, span.start + p // parts)
-    return n, span
+    parts = equal_parts(n, points, SAME)
+    return n // parts, slice(span.start, span.start + p // parts)
 
 
-def solved(model: Model, n: int, stops: Counts, turns: Floats, speeds: Floats, end: State) -> SystemOrbit | None:
+def solved(model: Model, n: int, stops: Counts, turns: Floats, speeds: Floats, end: State) -> Orbit | None:
     """Return the stable orbit that Newton's method finds from a cycle's impacts or a state, if it is that cycle."""
     system = model.at()
     times = ((turns - math.floor(turns[0])) * system.period).tolist()
@@ -314,7 +313,7 @@ def solved(model: Model, n: int, stops: Counts, turns: Floats, speeds: Floats, e
     return None
 
 
-def _by_derivative(orbit: SystemOrbit) -> float:
+def _by_derivative(orbit: Orbit) -> float:
     """Return the distance from a cycle within which a motion returns to within 1e-7 V."""
     cycle, unknown = cycle_of(orbit)
     jacobian = cycle.monodromy(unknown)

@@ -110,7 +110,7 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
 
     Returns
     -------
-    Orbit or SystemOrbit
+    Orbit
         A period-2n impact-2p orbit, at a parameter value above or below that of the point, depending on the direction
         of the doubled branch. At a pitchfork, an asymmetric orbit of the same n and p; the other one is its `twin`.
 

@@ -53,7 +53,7 @@ def continue_orbit(
 
     Parameters
     ----------
-    orbit : Orbit or SystemOrbit
+    orbit : Orbit
         The orbit to begin with, from `find_orbit` or `switch_branch`.
     parameter : str
         The parameter to vary: any parameter of the orbit's model, including `frequency` (Hz) and the parameters of a

@@ -25,7 +25,8 @@ from vibroimpact.motion import NAMING, MotionClass, listed, motion_name
 from vibroimpact.motion.classes import classify
 from vibroimpact.orbits import systems
 from vibroimpact.orbits.equations import Cycle, Floats
-from vibroimpact.orbits.orbit import Orbit, make_orbit
+from vibroimpact.orbits.one_mass import make_orbit
+from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.search import find_orbit
 from vibroimpact.orbits.sticking_end import StickingEnd, end_of_sticking
 from vibroimpact.progress import Report

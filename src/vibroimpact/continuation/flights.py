@@ -35,7 +35,8 @@ from vibroimpact.continuation.modes import modes_of
 from vibroimpact.model.oscillator import ImpactOscillator, the_oscillator
 from vibroimpact.orbits.admissibility import closest, nearest_misses, orbit_size
 from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
-from vibroimpact.orbits.orbit import Orbit, make_orbit, solution_of
+from vibroimpact.orbits.one_mass import make_orbit, solution_of
+from vibroimpact.orbits.orbit import Orbit
 
 
 @dataclass(frozen=True, kw_only=True)

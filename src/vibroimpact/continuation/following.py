@@ -17,8 +17,9 @@ from vibroimpact.continuation.equations import Range
 from vibroimpact.continuation.points import Point
 from vibroimpact.continuation.results import value_text
 from vibroimpact.model import Model
+from vibroimpact.model.units import check_pair
 from vibroimpact.orbits.equations import Floats
-from vibroimpact.orbits.orbit import Orbit, check_pair
+from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.parameters import Parameter, invalid, real_number
 from vibroimpact.progress import Report
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.cells import Floats
+from vibroimpact.orbits.cycle import Cycle
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.systems.cycle import Cycle
-from vibroimpact.orbits.systems.events import IMPACT, LET_GO, PUSH_AGAIN, Event
+from vibroimpact.orbits.events import IMPACT, LET_GO, PUSH_AGAIN, Event
 
 BORN = 0.02  # radians of the fastest rate: half the length of a contact just after a graze
 SHORTENED = 10  # halvings of that contact, at most

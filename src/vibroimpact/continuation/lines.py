@@ -20,7 +20,8 @@ from vibroimpact.model import Model
 from vibroimpact.orbits import systems
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits
-from vibroimpact.orbits.orbit import Orbit, from_hardest, make_orbit, solution_of, true_cycle
+from vibroimpact.orbits.one_mass import from_hardest, make_orbit, solution_of, true_cycle
+from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking import periods_from_release
 from vibroimpact.orbits.sticking_end import StickingEnd, end_of_sticking
 from vibroimpact.progress import Report

@@ -46,13 +46,14 @@ from vibroimpact.continuation.equations import (
     Range,
 )
 from vibroimpact.continuation.grazes import gaining, losing
+from vibroimpact.orbits.cycle import Cycle, cycle_of
 from vibroimpact.orbits.equations import TURN
+from vibroimpact.orbits.events import GRAZE, LET_GO, Event
+from vibroimpact.orbits.flow import Flow
+from vibroimpact.orbits.orbit import Orbit
+from vibroimpact.orbits.symmetry import mirror
 from vibroimpact.orbits.systems.admissibility import nearest_of
-from vibroimpact.orbits.systems.cycle import Cycle
-from vibroimpact.orbits.systems.events import GRAZE, LET_GO, Event
-from vibroimpact.orbits.systems.flow import Flow
-from vibroimpact.orbits.systems.orbit import SystemOrbit, cycle_of, make_orbit
-from vibroimpact.orbits.systems.symmetry import mirror
+from vibroimpact.orbits.systems.orbit import make_orbit
 
 NOISE = 1e-12  # a test closer to zero than this is rounding, for example that of an undamped mode
 KEPT = 16  # designs whose flights are cached
@@ -255,7 +256,7 @@ class Modes(Equations):
             reach.append(min(max(1.0 / change, 1e-3), 1.0) if change > 0.0 else 1.0)
         return replace(self, reach=tuple(reach))
 
-    def orbit(self, x: Floats) -> SystemOrbit:
+    def orbit(self, x: Floats) -> Orbit:
         """Return the orbit of a solution."""
         return make_orbit(self.model_at(x), *self.solved(x))
 
@@ -360,7 +361,7 @@ def images_along(model: Any, names: Sequence[str], ranges: Sequence[Range]) -> t
     return images
 
 
-def modes_of(orbit: SystemOrbit, names: tuple[str, ...], ranges: tuple[Range, ...]) -> tuple[Modes, Floats]:
+def modes_of(orbit: Orbit, names: tuple[str, ...], ranges: tuple[Range, ...]) -> tuple[Modes, Floats]:
     """Return the equations of an orbit with free parameters, and its driving angles and state.
 
     A symmetric orbit is followed with the equations of half a cycle if the parameters keep the symmetry.

@@ -67,7 +67,7 @@ class BifurcationPoint:
         The parameter that varied along the branch.
     value : float
         The value of the parameter at the bifurcation.
-    orbit : Orbit or SystemOrbit
+    orbit : Orbit
         The orbit at the bifurcation.
     residual : float
         Residual of the orbit's flights and its defining condition, relative to its size.
@@ -99,7 +99,7 @@ class Branch(Shown):
     ----------
     parameter : str
         The parameter that varies.
-    orbits : list of Orbit or SystemOrbit
+    orbits : list of Orbit
         The orbits along the branch; all have the impacts in the same order.
     special : list of BifurcationPoint
         The bifurcations on the branch, in its order; their orbits are among `orbits`.
@@ -220,7 +220,7 @@ class Boundary(Shown):
         As in a `BifurcationPoint`.
     parameters : tuple of two str
         The parameters of the plane.
-    orbits : list of Orbit or SystemOrbit
+    orbits : list of Orbit
         The orbits along the curve, each at the bifurcation.
     residuals : list of float
         Residual of each orbit's flights and its defining condition, relative to its size.

@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
+from vibroimpact.coexistence.final import release_phase
 from vibroimpact.continuation.equations import Range
 from vibroimpact.continuation.following import EDGE, GROWTH, UNKNOWN, Way
-from vibroimpact.model import Model
+from vibroimpact.model import Model, State
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.orbit import Orbit, family_of, value_of
 from vibroimpact.orbits.sticking import Stick, from_release, sticking_orbit
@@ -49,7 +50,9 @@ class CurvePoint:
         """The last cycle before sticking ends; at the last bit its stick may be lost already."""
         if self.stick and self.stick.periods == self.n_periods:
             return sticking_orbit(self.model, self.stick, Tolerances().chatter)
-        return Orbit(self.model.at(), self.n_periods, -1, (), (), (0j, 0j), family=family_of(self.model))
+        osc = self.model.at()
+        release = State(osc.gap, 0.0, release_phase(*osc.cells({})) * osc.period)
+        return Orbit(osc, self.n_periods, -1, (), (), (0j, 0j), family=family_of(self.model), start=release)
 
     @property
     def residual(self) -> float:

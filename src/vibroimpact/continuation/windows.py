@@ -83,7 +83,7 @@ def follow_all(
 
     Parameters
     ----------
-    orbits : iterable of Orbit or SystemOrbit
+    orbits : iterable of Orbit
         The orbits to begin with. Orbits that stick are skipped, and, unless `virtual`, inadmissible ones.
     parameter, range, step, virtual, progress
         As in `continue_orbit`.

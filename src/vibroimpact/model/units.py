@@ -180,6 +180,17 @@ def in_own_unit(parameter: Parameter, values: Any) -> InUnit:
         raise invalid(parameter.name, values, f"a quantity that can be turned into {parameter.unit}") from None
 
 
+def check_pair(table: Mapping[str, Parameter], parameter: str, name: str, pair: Any) -> tuple[float, float]:
+    """Return the two values of a parameter in a table of parameters, given in an argument."""
+    check_names(table, [parameter])
+    try:
+        first, second = pair
+    except (TypeError, ValueError):
+        raise invalid(name, pair, f"two values of {parameter}") from None
+    first, second = in_own_unit(table[parameter], [first, second]).values
+    return table[parameter].check(first), table[parameter].check(second)
+
+
 def display(attrs: Mapping[str, Any]) -> tuple[float, dict[str, Any]]:
     """Return the factor from the unit of labelled values to that in which they are shown, and their labels there.
 

@@ -72,6 +72,16 @@ def points_of(cycle: HasImpacts, fastest: float) -> Floats:
     return np.column_stack([np.sin(angles), np.cos(angles), np.asarray(cycle.velocities) / (fastest or 1.0)])
 
 
+def equal_parts(n_periods: int, impacts: Floats, tolerance: float = SAME) -> int:
+    """Return the number of equal parts of a cycle, from a table with a row for each of its impacts."""
+    p = len(impacts)
+    most = math.gcd(n_periods, p)
+    for parts in range(most, 1, -1):
+        if most % parts == 0 and np.abs(impacts - np.roll(impacts, p // parts, axis=0)).max() <= tolerance:
+            return parts
+    return 1
+
+
 def same_orbit(a: HasImpacts, b: HasImpacts, *, tolerance: float = SAME) -> bool:
     """Return whether two cycles are the same within a tolerance; the whole package uses this test.
 

@@ -296,6 +296,23 @@ class Cycle:
         return complex(large), complex(determinant / large if large else 0.0)
 
 
+def turns_of(
+    osc: ImpactOscillator, n_periods: int, phases: Sequence[float], velocities: Sequence[float]
+) -> list[float]:
+    """Return the times of the impacts of a cycle in driving periods: the whole periods in each flight that fit best."""
+    parameters, turns = parameters_of(osc), list(phases[:1])
+    for at in range(len(phases) - 1):
+        ahead = (phases[at + 1] - phases[at]) % 1.0
+
+        def miss(whole: int, at: int = at, ahead: float = ahead) -> float:
+            pair = np.array([turns[at], turns[at] + ahead + whole, velocities[at], velocities[at + 1]])
+            gap, _, speed, _ = Cycle(n_periods, 2).misses(parameters, pair)
+            return float(abs(gap) * osc.natural_frequency + abs(speed))
+
+        turns.append(turns[at] + ahead + min(range(n_periods + 1), key=miss))
+    return turns
+
+
 def impact_1_orbits(osc: ImpactOscillator, n_periods: int) -> tuple[list[Floats], str]:
     """Return (turns, velocity) of every period-n impact-1 orbit, the faster first, and the reason if there is none."""
     if osc.amplitude == 0.0:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def orbits_dataset(orbits: Orbits[Any], model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
+def orbits_dataset(orbits: Orbits, model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
     """Return orbits over `orbit` and `impact`, rows padded with NaN; `count` is the number of impacts."""
     counts = [len(orbit.velocities) for orbit in orbits]
     content = orbit_variables(orbits, max(counts, default=0), "orbit")
@@ -51,10 +51,9 @@ def orbits_dataset(orbits: Orbits[Any], model: Model, arguments: Mapping[str, An
     return dataset_of(content, attrs=provenance("find_orbit", model, arguments) | outcome)
 
 
-def _struck(orbits: Orbits[Any], p: int, design: Any) -> dict[str, xr.Variable]:
+def _struck(orbits: Orbits, p: int, design: Any) -> dict[str, xr.Variable]:
     """Return what impacts come to, and the times and stops of those of a system."""
-    dims, of_system = ("orbit", "impact"), not design.says_all
-    begins = [np.multiply(orbit.turns, orbit.oscillator.period) if of_system else 0.0 for orbit in orbits]
+    dims, begins = ("orbit", "impact"), [np.multiply(orbit.turns, orbit.oscillator.period) for orbit in orbits]
 
     def column(name: str) -> xr.Variable:
         rows = [np.array([getattr(contact, name) for contact in orbit.contacts]) for orbit in orbits]
@@ -63,7 +62,7 @@ def _struck(orbits: Orbits[Any], p: int, design: Any) -> dict[str, xr.Variable]:
         return variable(name, dims, rows_of(rows, p))
 
     columns = {name: column(name) for name in reports_of(design.stops)}
-    if not of_system:
+    if design.says_all:
         return columns
     names = np.full((len(orbits), p), "", dtype=object)
     for at, orbit in enumerate(orbits):

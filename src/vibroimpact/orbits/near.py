@@ -21,7 +21,7 @@ from vibroimpact.dataset import model_of, start_of
 from vibroimpact.model import Model, State
 from vibroimpact.motion import NAMING, Motion, MotionClass, decide, may_wind
 from vibroimpact.orbits import one_mass
-from vibroimpact.orbits.distance import Impacts, orbit_distance, points_of
+from vibroimpact.orbits.distance import Impacts, equal_parts, orbit_distance, points_of
 from vibroimpact.orbits.equations import Cycle
 from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits, ordered
 from vibroimpact.parameters import counted
@@ -136,11 +136,11 @@ def state_of(near: Any, design: Any) -> Any:
     return State(last[0][0], last[1][0], float(last[2][0]) % own.period * design.period / own.period)
 
 
-def orbit_near(model: Model, state: State) -> Orbits[Any]:
+def orbit_near(model: Model, state: State) -> Orbits:
     """Return the orbit that the motion from a state is on, settles to or comes closest to; the message says which."""
     design = model.at()
     cell = design.cells({}, state)
-    approached = Orbits[Any]() if design.forgets else _approached(model, design, cell)
+    approached = Orbits() if design.forgets else _approached(model, design, cell)
     if approached:
         return _nearest(model, _Hits(design, cell, 0, 2 * PASSING + 1), approached, PASSING)[0]
     outcome = get_backend("cpu").indices(cell, Measurement(WATCHED, indices=NAMING))
@@ -151,7 +151,7 @@ def orbit_near(model: Model, state: State) -> Orbits[Any]:
     if not kind.hits and kind != MotionClass.UNDECIDED:
         why = Motion(kind.word, status=status).sentence(design.period)
         return Orbits(outcome="none", message=f"the motion from `near` ends without impacts: {why}")
-    first, settled = _Hits(design, cell, 0, 2 * LONGEST + 1), Orbits[Any]()
+    first, settled = _Hits(design, cell, 0, 2 * LONGEST + 1), Orbits()
     if n:
         settled = _settled(model, _Hits(design, cell, impacts, max(int(p), 1) + 1), int(n), int(p))
         if settled:
@@ -162,7 +162,7 @@ def orbit_near(model: Model, state: State) -> Orbits[Any]:
     return _passed(model, _Hits(design, cell, SEEN, SEEN), Motion(kind.word, status=status))
 
 
-def _nearest(model: Model, first: _Hits, settled: Orbits[Any], longest: int) -> tuple[Orbits[Any], bool]:
+def _nearest(model: Model, first: _Hits, settled: Orbits, longest: int) -> tuple[Orbits, bool]:
     """Return the orbit that the first impacts are on or near, if there is one, and True; else the settled one."""
     if settled and _distance(settled[0], first) <= ON:
         return ordered(settled), True
@@ -174,7 +174,7 @@ def _nearest(model: Model, first: _Hits, settled: Orbits[Any], longest: int) -> 
     return settled, False
 
 
-def _approached(model: Model, design: Any, cell: Any) -> Orbits[Any]:
+def _approached(model: Model, design: Any, cell: Any) -> Orbits:
     """Return the stable orbit that a motion is close to after some impacts; empty if there is none.
 
     Until its cycle is certain, a stiff system may take millions of steps more.
@@ -196,10 +196,10 @@ def _approached(model: Model, design: Any, cell: Any) -> Orbits[Any]:
                 what = f"the motion from `near` settles to this {found[0].name} orbit"
                 found.message = f"{what}: after {skipped} impacts its distance from it is {distance:.1g}"
                 return found
-    return Orbits[Any]()
+    return Orbits()
 
 
-def _settled(model: Model, hits: _Hits, n: int, p: int) -> Orbits[Any]:
+def _settled(model: Model, hits: _Hits, n: int, p: int) -> Orbits:
     """Return the orbit of a motion that has settled, from the first impact of a cycle on."""
     if p > IMPACTS:
         message = f"the motion from `near` repeats after {p} impacts; orbits of up to {IMPACTS} are solved for"
@@ -216,19 +216,16 @@ def _settled(model: Model, hits: _Hits, n: int, p: int) -> Orbits[Any]:
 def _smallest(hits: _Hits, n: int, p: int) -> _Return:
     """Return the first return of a settled motion: after a part of the cycle if all its parts are alike."""
     impacts, stops = hits.part(0, p), hits.samples.impact_stop[:p]
-    points = np.column_stack([points_of(impacts, max(impacts.velocities)), stops])
-    for parts in range(math.gcd(n, p), 1, -1):
-        if n % parts == p % parts == 0 and np.abs(points - np.roll(points, p // parts, axis=0)).max() <= ALIKE:
-            return _Return(0.0, 0, p // parts, n // parts)
-    return _Return(0.0, 0, p, n)
+    parts = equal_parts(n, np.column_stack([points_of(impacts, max(impacts.velocities)), stops]), ALIKE)
+    return _Return(0.0, 0, p // parts, n // parts)
 
 
-def _solved(model: Model, hits: _Hits, back: _Return) -> Orbits[Any]:
+def _solved(model: Model, hits: _Hits, back: _Return) -> Orbits:
     """Return the admissible orbit that Newton's method reaches from the impacts before a return."""
     if hits.design.forgets:
         turns = hits.turns[back.at : back.at + back.p]
         start = np.append(turns - math.floor(turns[0]), hits.part(back.at, back.p).velocities)
-        orbits: Orbits[Any] = one_mass.from_guess(model, Cycle(back.n, back.p), start)
+        orbits: Orbits = one_mass.from_guess(model, Cycle(back.n, back.p), start)
     else:
         from vibroimpact.orbits.systems.search import from_near  # slower to import
 
@@ -241,7 +238,7 @@ def _distance(orbit: Any, hits: _Hits, at: int = 0) -> float:
     return orbit_distance(orbit, hits.part(at, len(orbit.velocities)))
 
 
-def _passed(model: Model, hits: _Hits, motion: Motion) -> Orbits[Any]:
+def _passed(model: Model, hits: _Hits, motion: Motion) -> Orbits:
     """Return the orbit that a motion which does not repeat comes closest to, of those of its closest returns."""
     what = f"the motion from `near` is {motion.sentence(hits.design.period)}"
     for back in hits.returns(SEEN, PASSING):

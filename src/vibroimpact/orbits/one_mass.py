@@ -17,16 +17,16 @@ from vibroimpact.backends.scalar import outlast
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.orbits import newton
-from vibroimpact.orbits.admissibility import contacts
-from vibroimpact.orbits.distance import Impacts, same_orbit
+from vibroimpact.orbits.admissibility import ROUNDING, contacts, objection
+from vibroimpact.orbits.distance import Impacts, equal_parts, points_of, same_orbit
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
 from vibroimpact.orbits.newton import Solved
-from vibroimpact.orbits.orbit import Orbit, from_hardest, make_orbit, solution_of, true_cycle
+from vibroimpact.orbits.orbit import Orbit, family_of, phases_of
 from vibroimpact.orbits.results import Guess, Orbits, lost, ordered, other_name
 from vibroimpact.parameters import invalid, real_number
 
 
-def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[Orbit]:
+def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits:
     """Return the period-n impact-p orbits of one mass: with one impact, sticking, or others from a guess."""
     osc: ImpactOscillator = model.at()
     cycle, impact = Cycle(n_periods, n_impacts), impact_of(osc, guess)
@@ -104,7 +104,7 @@ def _first_impact(osc: ImpactOscillator, state: State) -> tuple[float, float]:
     return float(samples.impact_phase[0]), float(samples.impact_velocity[0])
 
 
-def from_guess(model: Model, cycle: Cycle, start: Floats) -> Orbits[Orbit]:
+def from_guess(model: Model, cycle: Cycle, start: Floats) -> Orbits:
     """Return the orbit that Newton's method reaches."""
     solved = solve(model.at(), cycle, start)
     if solved.singular or not solved.converged:
@@ -115,7 +115,7 @@ def from_guess(model: Model, cycle: Cycle, start: Floats) -> Orbits[Orbit]:
     return ordered([make_orbit(model, cycle, from_hardest(cycle, solved.z))])
 
 
-def _anywhere(model: Model, cycle: Cycle) -> Orbits[Orbit]:
+def _anywhere(model: Model, cycle: Cycle) -> Orbits:
     """Return the admissible orbits found from the attractor reached from rest and from a grid of impacts."""
     osc = model.at()
     solutions: list[Floats] = []
@@ -132,7 +132,7 @@ def _anywhere(model: Model, cycle: Cycle) -> Orbits[Orbit]:
             solutions.append(z)
         elif smallest not in others:
             others.append(smallest)
-    orbits = ordered(make_orbit(model, cycle, z) for z in solutions) if solutions else Orbits[Orbit]()
+    orbits = ordered(make_orbit(model, cycle, z) for z in solutions) if solutions else Orbits()
     real = [orbit for orbit in orbits if orbit.admissible]
     virtual = len(orbits) - len(real)
     if real:
@@ -143,6 +143,47 @@ def _anywhere(model: Model, cycle: Cycle) -> Orbits[Orbit]:
     if virtual:
         message += f"; {virtual} solution{'s' if virtual > 1 else ''} inadmissible (penetrating the stop)"
     return Orbits(outcome="other_name" if others else "none", message=message)
+
+
+def make_orbit(model: Model, cycle: Cycle, z: Floats) -> Orbit:
+    """Return the orbit of a solution z = (turns, velocities); the engine decides whether it is admissible."""
+    osc, p = model.at(), cycle.n_impacts
+    rounding = ROUNDING * fastest_of(osc, z[p:])
+    z = np.where((np.arange(2 * p) >= p) & (np.abs(z) <= rounding), 0.0, z)  # grazes
+    message = objection(osc, cycle, z)
+    return Orbit(
+        oscillator=osc,
+        n_periods=cycle.n_periods,
+        n_impacts=p,
+        velocities=tuple(z[p:].tolist()),
+        phases=phases_of(z[:p].tolist()),
+        multipliers=cycle.multipliers(parameters_of(osc), z),
+        admissible=not message,
+        message=message,
+        family=family_of(model),
+        turns=tuple(z[:p].tolist()),
+    )
+
+
+def solution_of(orbit: Orbit) -> tuple[Cycle, Floats]:
+    """Return the equations and the solution of an orbit."""
+    return Cycle(orbit.n_periods, orbit.n_impacts), np.array([*orbit.turns, *orbit.velocities])
+
+
+def from_hardest(cycle: Cycle, z: Floats) -> Floats:
+    """Return the same cycle rotated so that its hardest impact comes first, at turns in [0, 1)."""
+    p = cycle.n_impacts
+    first = int(np.argmax(z[p:]))
+    turns = np.concatenate([z[first:p], z[:first] + cycle.n_periods])
+    return np.concatenate([turns - np.floor(turns[0]), np.roll(z[p:], -first)])
+
+
+def true_cycle(cycle: Cycle, z: Floats) -> Cycle:
+    """Return the smallest n and p with which the cycle repeats."""
+    n, p = cycle.n_periods, cycle.n_impacts
+    impacts, flights = points_of(Impacts.of(z), z[p:].max()), np.diff(np.append(z[:p], z[0] + n))
+    parts = equal_parts(n, np.column_stack([impacts, flights]))
+    return Cycle(n // parts, p // parts)
 
 
 GRID = (40, 28)  # initial impacts: phases, velocities

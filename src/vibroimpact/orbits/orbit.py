@@ -1,27 +1,27 @@
-"""Periodic orbits: their properties, their construction from solutions of the equations, and tests of equality."""
+"""Periodic orbits: their properties, and how they follow from the impacts of one mass."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
-from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from vibroimpact.backends.base import taken_by
-from vibroimpact.model import Model, State, as_system, check_names
+from vibroimpact.model import Model, State, as_system
 from vibroimpact.model.elements import Contact
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.model.units import in_own_unit
 from vibroimpact.motion import cycle_name
-from vibroimpact.orbits.admissibility import ROUNDING, objection
-from vibroimpact.orbits.distance import Impacts, points_of
-from vibroimpact.orbits.equations import SAME, Cycle, Floats, fastest_of, parameters_of
-from vibroimpact.parameters import Parameter, invalid
+from vibroimpact.orbits.admissibility import ROUNDING
+from vibroimpact.orbits.cycle import cycle_of
+from vibroimpact.orbits.equations import Floats, turns_of
+from vibroimpact.orbits.events import IMPACT
+from vibroimpact.orbits.symmetry import mirror
+from vibroimpact.parameters import ENERGY
 from vibroimpact.showing import MOST, Shown, Table
 
 SPLIT = 1e-6  # multipliers that meet on the unit circle are known to the square root of rounding
@@ -37,7 +37,10 @@ class Rest(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Orbit(Shown):
-    """A period-n impact-p orbit of one oscillator, stable or unstable; base class of `SystemOrbit`.
+    """A period-n impact-p orbit, stable or unstable, of one mass or of a system with rigid or compliant stops.
+
+    On a compliant stop, an impact is the beginning of a contact. The impacts of one mass in front of one rigid stop
+    determine all else, so what comes after `family` is optional there.
 
     Parameters
     ----------
@@ -48,21 +51,52 @@ class Orbit(Shown):
     n_impacts : int, >= 1 or -1
         Impacts in a cycle; -1 for a complete chatter.
     velocities : tuple of float
-        Speeds just before contact, in m/s, in the order of time; for a complete chatter, those above its cutoff.
+        Speeds just before contact, in m/s, in the order of time. The impacts of a complete chatter are listed down to
+        its cutoff.
     phases : tuple of float
         Driving phases of these impacts, in [0, 1).
     multipliers : tuple of complex
-        Floquet multipliers of the cycle, in (y, y'); both 0 for an orbit that sticks, which erases all memory.
+        Floquet multipliers of the cycle, the largest first; 0 for an orbit of one mass that sticks, which erases all
+        memory.
     admissible : bool
-        Whether the mass can follow the orbit: no contact before the next impact, no impact velocity away from the stop.
+        Whether the model can follow the orbit: no contact before the next impact, no impact velocity away from a stop.
     message : str
         Why it is inadmissible; empty if it is admissible.
     stick_phase, release_phase : float
-        Driving phases, in [0, 1), at which the mass comes to rest at the stop and is released; NaN without a rest.
+        Driving phases, in [0, 1), at which the first of the `rests` begins and ends; NaN without a rest.
     stuck_time : float
-        Time at rest per cycle, in s.
+        Time at rest per cycle, in s, the sum of all rests.
     family : family, optional
-        The family, at its own values, from which the oscillator was made.
+        The family, at its own values, from which the model was made.
+    turns : tuple of float
+        Times of the impacts in driving periods, the first in [0, 1).
+    stops : tuple of str
+        Names of the stops struck, in the order of time.
+    start : State
+        Coordinates, their rates and time just before the first impact; for an orbit with rests, at its release from the
+        stop (one mass) or at a time without events.
+    events : tuple of (float, str, str)
+        Times in driving periods, kinds and stops of all events in a cycle without rests: "impact", and for compliant
+        stops "let_go", when the force has fallen to zero, and "push_again", when the force begins again before the
+        clearance is positive.
+    pushing : tuple of str
+        Stops that push just before the first impact.
+    contacts : tuple of Contact
+        For each impact, the `impulse` in N s, the `energy_lost` at the stop in J, the `exit_velocity` in m/s and, on a
+        compliant stop, `contact_time` (for which it pushes) in s, `peak_force` in N and `penetration` in m, NaN on a
+        rigid stop; `exit_time`, `peak_force_time` and `penetration_time` in s from the beginning of the contact.
+    rests : tuple of Rest
+        Rests at rigid stops: the `stop`, and its `begin` and `end` in driving periods, on the same time axis as
+        `turns`. The impacts of a chatter are listed down to 1e-9 V. A cycle with rests is listed from the end of the
+        longest rest, at the first of the model's stops that has one.
+    half_multipliers : tuple of 2n complex
+        Multipliers of the half map (half a cycle, then the mirror) if the orbit is its own mirror image half a cycle
+        later; else empty.
+    neutral : tuple of complex
+        Multipliers of a free centre of mass, if masses without a spring to the ground strike one another: 1 for its
+        position, and 1, or less with drag, for its drift. They affect no stop and do not count for stability;
+        `multipliers` holds the others. The drift is the one with which the centre returns to its position, if there is
+        one.
 
     Examples
     --------
@@ -70,6 +104,12 @@ class Orbit(Shown):
     >>> orbit = find_orbit(ImpactOscillator(omega=2.0))[0]
     >>> orbit.name, orbit.stable, round(orbit.velocities[0], 6)
     ('period-1 impact-1', True, 6.226413)
+    >>> from vibroimpact import Force, ImpactSystem, Stop
+    >>> ball = ImpactSystem(mass=1.0, stiffness=0.0, force=Force(omega=10.0, constant=-9.81),
+    ...     stops=[Stop(direction=-1, gap=0.0, restitution=0.5, name="table", motion={1: 0.12})])
+    >>> orbit = find_orbit(ball)[0]
+    >>> orbit.name, orbit.stops, orbit.stable, round(orbit.velocities[0], 9)
+    ('period-1 impact-1', ('table',), True, 4.109203191)
     """
 
     oscillator: Any
@@ -84,6 +124,21 @@ class Orbit(Shown):
     release_phase: float = math.nan
     stuck_time: float = 0.0
     family: Model | None = field(default=None, repr=False, compare=False)
+    _: KW_ONLY
+    turns: tuple[float, ...] = ()
+    stops: tuple[str, ...] = ()
+    start: Any = None  # a State
+    events: tuple[tuple[float, str, str], ...] = ()
+    pushing: tuple[str, ...] = ()
+    contacts: tuple[Contact, ...] = ()
+    rests: tuple[Rest, ...] = ()
+    half_multipliers: tuple[complex, ...] = ()
+    neutral: tuple[complex, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.start is None:
+            for name, value in _of_one_mass(self).items():
+                object.__setattr__(self, name, value)
 
     @property
     def model(self) -> Model:
@@ -92,13 +147,9 @@ class Orbit(Shown):
         return model
 
     def value(self, parameter: str) -> float:
-        """Return the value of a parameter of its model."""
-        return value_of(self.model, parameter)
-
-    @cached_property
-    def stops(self) -> tuple[str, ...]:
-        """Names of the stops struck, in the order of time."""
-        return tuple(stop.name for stop in self.oscillator.stops) * len(self.velocities)
+        """Return the value of a parameter of its model, or the "energy" (J) if that is constant."""
+        free = parameter == ENERGY.name and not self.oscillator.energy_changes
+        return self.energy if free else value_of(self.model, parameter)
 
     @property
     def system(self) -> ImpactSystem:
@@ -106,52 +157,57 @@ class Orbit(Shown):
         system: ImpactSystem = as_system(self.oscillator)
         return system
 
-    @cached_property
-    def turns(self) -> tuple[float, ...]:
-        """Times of the impacts in driving periods, the first in [0, 1)."""
-        self.check_flies()
-        return tuple(solution_of(self)[1][: len(self.phases)].tolist())
-
     @property
-    def events(self) -> tuple[tuple[float, str, str], ...]:
-        """Times in driving periods, kinds and stops of all events in a cycle."""
-        return tuple((turn, "impact", stop) for turn, stop in zip(self.turns, self.stops, strict=True))
+    def twin(self) -> Orbit:
+        """The mirror image half a driving period later, which is also an orbit of the system if that is symmetric.
 
-    @property
-    def pushing(self) -> tuple[str, ...]:
-        """Stops that push just before the first impact."""
-        return ()
-
-    @cached_property
-    def start(self) -> State:
-        """A state on the orbit: just before its first impact, or at its release from the stop."""
-        phase, velocity = (self.release_phase, 0.0) if self.sticks else (self.phases[0], self.velocities[0])
-        return State(self.oscillator.gap, velocity, phase * self.oscillator.period)
-
-    @cached_property
-    def rests(self) -> tuple[Rest, ...]:
-        """Rests at the stop: one in a cycle that sticks."""
-        if not self.sticks:
-            return ()
-        end = self.n_periods + self.release_phase
-        return (Rest(self.oscillator.stops[0].name, end - self.stuck_time / self.oscillator.period, end),)
-
-    @cached_property
-    def contacts(self) -> tuple[Contact, ...]:
-        """The impulse (N s), the energy lost (J) and the speed of separation (m/s) of each impact."""
-        mass, r = self.oscillator.mass, self.oscillator.restitution
-        return tuple(taken_by(mass, r, v) for v in self.velocities)
+        Raises
+        ------
+        ValueError
+            The system is not symmetric; the message says why.
+        """
+        images, why = mirror(self.system)
+        if why:
+            raise ValueError(f"the orbit has no twin: its system is {why}")
+        start, half, first = self.start, 0.5 * self.system.period, self.turns[0] + 0.5
+        image = dict(zip(self.system.stop_names, (self.system.stop_names[at] for at in images), strict=True))
+        later = first % 1.0 - self.turns[0]
+        place, rate = (tuple(-number for number in part) for part in (start.displacement, start.velocity))
+        turns = tuple(turn + later for turn in self.turns)
+        rests = tuple(Rest(image[stop], begin + later, end + later) for stop, begin, end in self.rests)
+        stick, release, _ = at_rest(rests, self.n_periods, self.system.period)
+        return replace(
+            self,
+            stops=tuple(image[stop] for stop in self.stops),
+            turns=turns,
+            phases=phases_of(turns),
+            start=State(place, rate, start.time + (half if first < 1.0 else -half)),
+            events=tuple((turn + later, kind, image[stop]) for turn, kind, stop in self.events),
+            pushing=tuple(image[stop] for stop in self.pushing),
+            rests=rests,
+            stick_phase=stick,
+            release_phase=release,
+        )
 
     @cached_property
     def impulses(self) -> tuple[float, ...]:
-        """Impulses of the impacts in N s."""
+        """Impulses of the impacts in N s; on a compliant stop, the integral of its force over the contact."""
         return tuple(contact.impulse for contact in self.contacts)
 
     @cached_property
     def rest_impulses(self) -> tuple[float, ...]:
         """The impulse in N s that a stop takes in each of the `rests`, exact to 1e-10."""
-        home: Any = import_module("vibroimpact.orbits.systems.motion")  # which imports this one
-        return home.rest_impulses_of(self)  # type: ignore[no-any-return]
+        from vibroimpact.orbits.motion import rest_impulses_of  # slower to import
+
+        return rest_impulses_of(self)
+
+    @property
+    def energy(self) -> float:
+        """Energy in J, kinetic and elastic, if it is constant; else NaN."""
+        if self.oscillator.energy_changes:
+            return math.nan
+        cycle, unknown = cycle_of(self)
+        return cycle.flow.energy(unknown[len(cycle.events) :], cycle.pushing)[0] * cycle.flow.omega**2
 
     @property
     def trace(self) -> float:
@@ -160,8 +216,18 @@ class Orbit(Shown):
 
     @property
     def determinant(self) -> float:
-        """Determinant of the cycle's Jacobian, r^(2p) exp(-c n T/m): the product of the multipliers."""
-        return math.prod(self.multipliers).real
+        """Determinant of the cycle's Jacobian, the product of the multipliers, from the damping and the impacts."""
+        if self.sticks:
+            return 0.0
+        form, stops = self.oscillator.modal(), self.oscillator.stops
+        rates = (form.viscosity * np.diag(form.mobility)).tolist()
+        names = self.oscillator.stop_names
+        lost, left = float(np.diag(form.damping)[~form.neutral[1]].sum()) * self.period, 1.0
+        for name, speed, contact in zip(self.stops, self.velocities, self.contacts, strict=True):
+            element, rate = stops[names.index(name)].element, rates[names.index(name)]
+            lost += rate * contact.contact_time if rate else 0.0
+            left *= element.rebound(speed) * element.sensitivity(speed)  # 1 on a compliant stop
+        return left * math.exp(-lost)
 
     @property
     def sticks(self) -> bool:
@@ -171,7 +237,7 @@ class Orbit(Shown):
     @property
     def symmetric(self) -> bool:
         """Whether the orbit is its own mirror image half a cycle later."""
-        return False
+        return bool(self.half_multipliers)
 
     @property
     def spectral_radius(self) -> float:
@@ -221,9 +287,19 @@ class Orbit(Shown):
             return f"{'unstable, ' * (self.spectral_radius > 1.0 + SPLIT)}one of a continuum"
         return "stable" if self.stable else "unstable" if self.admissible else "inadmissible"
 
+    @property
+    def _names_stops(self) -> bool:
+        """Whether it matters which stop is struck."""
+        return len(self.oscillator.stop_names) > 1
+
     def _columns(self) -> dict[str, Sequence[Any]]:
         """Return the data of its impacts by column heading."""
-        return {"phase": self.phases, "impact velocity [m/s]": self.velocities, "impulse [N s]": self.impulses}
+        columns: dict[str, Sequence[Any]] = {"stop": self.stops} if self._names_stops else {}
+        columns |= {"phase": self.phases, "impact velocity [m/s]": self.velocities, "impulse [N s]": self.impulses}
+        if any(contact.peak_force > 0.0 for contact in self.contacts):
+            columns["largest force [N]"] = [contact.peak_force for contact in self.contacts]
+            columns["contact time [s]"] = [contact.contact_time for contact in self.contacts]
+        return columns
 
     def _table(self) -> Table:
         columns = self._columns()
@@ -248,7 +324,7 @@ class Orbit(Shown):
             "hardest impact [m/s]": max(self.velocities, default=0.0),
             "repeats every [s]": self.period,
             "largest multiplier": self.spectral_radius,
-        }
+        } | ({"stops": ", ".join(dict.fromkeys(self.stops))} if self._names_stops else {})
 
     def motion(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return displacements, velocities and accelerations at times in s, each of shape (times, coordinates).
@@ -263,8 +339,9 @@ class Orbit(Shown):
         >>> [round(float(y), 6) for y in displacement[:, 0]]
         [-5.605775, -5.605775]
         """
-        home: Any = import_module("vibroimpact.orbits.systems.motion")  # which imports this one
-        return home.motion_of(self, times)  # type: ignore[no-any-return]
+        from vibroimpact.orbits.motion import motion_of  # slower to import
+
+        return motion_of(self, times)
 
     def check_flies(self) -> None:
         """Raise `ValueError` if an orbit rests at a stop: its motion does not follow from its impacts alone."""
@@ -284,74 +361,33 @@ def value_of(model: Model, name: str) -> float:
     return int(value) if model.parameters[name].whole else float(value)
 
 
-def check_pair(table: Mapping[str, Parameter], parameter: str, name: str, pair: Any) -> tuple[float, float]:
-    """Return the two values of a parameter in a table of parameters, given in an argument."""
-    check_names(table, [parameter])
-    try:
-        first, second = pair
-    except (TypeError, ValueError):
-        raise invalid(name, pair, f"two values of {parameter}") from None
-    first, second = in_own_unit(table[parameter], [first, second]).values
-    return table[parameter].check(first), table[parameter].check(second)
-
-
-def make_orbit(model: Model, cycle: Cycle, z: Floats) -> Orbit:
-    """Return the orbit of a solution z = (turns, velocities); the engine decides whether it is admissible."""
-    osc, p = model.at(), cycle.n_impacts
-    rounding = ROUNDING * fastest_of(osc, z[p:])
-    z = np.where((np.arange(2 * p) >= p) & (np.abs(z) <= rounding), 0.0, z)  # grazes
-    message = objection(osc, cycle, z)
-    return Orbit(
-        oscillator=osc,
-        n_periods=cycle.n_periods,
-        n_impacts=p,
-        velocities=tuple(z[p:].tolist()),
-        phases=phases_of(z[:p].tolist()),
-        multipliers=cycle.multipliers(parameters_of(osc), z),
-        admissible=not message,
-        message=message,
-        family=family_of(model),
-    )
-
-
 def phases_of(turns: Iterable[float]) -> tuple[float, ...]:
     """Return driving phases, in [0, 1), from times in driving periods."""
     phases = (turn % 1.0 for turn in turns)
     return tuple(phase if phase < 1.0 else 0.0 for phase in phases)  # just below 0 it rounds to 1
 
 
-def solution_of(orbit: Orbit) -> tuple[Cycle, Floats]:
-    """Return the equations and the solution of an orbit; the whole periods in each flight are those that fit best."""
-    cycle, p = Cycle(orbit.n_periods, orbit.n_impacts), orbit.n_impacts
-    parameters, turns = parameters_of(orbit.oscillator), [orbit.phases[0]]
-    for i in range(p - 1):
-        ahead = (orbit.phases[i + 1] - orbit.phases[i]) % 1.0
-
-        def miss(whole: int, i: int = i, ahead: float = ahead) -> float:
-            arrival = turns[i] + ahead + whole
-            pair = np.array([turns[i], arrival, orbit.velocities[i], orbit.velocities[i + 1]])
-            gap, _, speed, _ = Cycle(orbit.n_periods, 2).misses(parameters, pair)
-            return float(abs(gap) * orbit.oscillator.natural_frequency + abs(speed))
-
-        turns.append(turns[i] + ahead + min(range(orbit.n_periods + 1), key=miss))
-    return cycle, np.array([*turns, *orbit.velocities])
+def at_rest(rests: Sequence[Rest], n_periods: int, period: float) -> tuple[float, float, float]:
+    """Return the phases at which the first rest in a cycle begins and ends, and the total time at rest in s."""
+    if not rests:
+        return math.nan, math.nan, 0.0
+    _, begin, end = rests[0]
+    release = end % 1.0 if end - begin < n_periods else math.nan
+    return begin % 1.0, release, sum(rest.end - rest.begin for rest in rests) * period
 
 
-def from_hardest(cycle: Cycle, z: Floats) -> Floats:
-    """Return the same cycle rotated so that its hardest impact comes first, at turns in [0, 1)."""
-    p = cycle.n_impacts
-    first = int(np.argmax(z[p:]))
-    turns = np.concatenate([z[first:p], z[:first] + cycle.n_periods])
-    return np.concatenate([turns - np.floor(turns[0]), np.roll(z[p:], -first)])
-
-
-def true_cycle(cycle: Cycle, z: Floats) -> Cycle:
-    """Return the smallest n and p with which the cycle repeats."""
-    n, p = cycle.n_periods, cycle.n_impacts
-    impacts, flights = points_of(Impacts.of(z), z[p:].max()), np.diff(np.append(z[:p], z[0] + n))
-    for parts in range(math.gcd(n, p), 1, -1):
-        if math.gcd(n, p) % parts == 0:
-            moved = [np.abs(table - np.roll(table, p // parts, axis=0)).max() for table in (impacts, flights)]
-            if max(moved) < SAME:
-                return Cycle(n // parts, p // parts)
-    return cycle
+def _of_one_mass(orbit: Orbit) -> dict[str, Any]:
+    """Return what follows from the impacts of one mass in front of one rigid stop, by field."""
+    osc, speeds = orbit.oscillator, orbit.velocities
+    (stop,) = osc.stop_names
+    turns = orbit.turns or turns_of(osc, orbit.n_periods, orbit.phases, speeds)
+    whole = math.floor(turns[0]) if turns else 0
+    turns = tuple(turn - whole for turn in turns)
+    contacts = tuple(taken_by(osc.mass, osc.restitution, speed) for speed in speeds)
+    content: dict[str, Any] = {"turns": turns, "stops": (stop,) * len(turns), "contacts": contacts}
+    if orbit.sticks:
+        end = orbit.n_periods + orbit.release_phase - whole
+        content["rests"] = (Rest(stop, end - orbit.stuck_time / osc.period, end),)
+        return content | {"start": State(osc.gap, 0.0, orbit.release_phase * osc.period)}
+    content["events"] = tuple((turn, IMPACT, stop) for turn in turns)
+    return content | {"start": State(osc.gap, speeds[0], orbit.phases[0] * osc.period)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 from vibroimpact.model import State
 from vibroimpact.orbits.newton import Solved
@@ -14,10 +14,8 @@ from vibroimpact.showing import Table, written
 
 IMPACTS = 1000  # most impacts in a cycle: the number of matrix entries grows as its square
 
-Kind = TypeVar("Kind")
 
-
-class Orbits(list[Kind], Generic[Kind]):
+class Orbits(list[Orbit]):
     """The orbits of one (n, p) type, stable ones first, with the outcome of the search.
 
     Attributes
@@ -32,7 +30,7 @@ class Orbits(list[Kind], Generic[Kind]):
         The outcome as a sentence.
     """
 
-    def __init__(self, orbits: Iterable[Kind] = (), *, outcome: str = "found", message: str = "") -> None:
+    def __init__(self, orbits: Iterable[Orbit] = (), *, outcome: str = "found", message: str = "") -> None:
         super().__init__(orbits)
         self.outcome = outcome
         self.message = message
@@ -40,14 +38,13 @@ class Orbits(list[Kind], Generic[Kind]):
     @property
     def sentence(self) -> str:
         """The outcome of the search and the number of orbits found, as a sentence."""
-        name = self[0].name if self else ""  # type: ignore[attr-defined]
+        name = self[0].name if self else ""
         if self.outcome == "inadmissible":
             return f"no admissible {name} orbit: the equations have {len(self)}"
         return self.message or counted(len(self), f"{name} orbit")
 
     def _repr_html_(self) -> str:
-        orbits: list[Any] = list(self)
-        rows = [orbit._row() for orbit in orbits]
+        rows = [orbit._row() for orbit in self]
         return written(Table(self.sentence, [*rows[0]] if rows else (), [[*row.values()] for row in rows]))
 
 
@@ -100,7 +97,7 @@ def numbers_of(stops: Any, names: tuple[str, ...]) -> tuple[int, ...]:
     return numbers
 
 
-def ordered(orbits: Iterable[Orbit]) -> Orbits[Any]:
+def ordered(orbits: Iterable[Orbit]) -> Orbits:
     """Return orbits of one type sorted into stable, unstable and inadmissible ones, with the outcome."""
     ranked = sorted(orbits, key=lambda orbit: (not orbit.stable, not orbit.admissible, -max(orbit.velocities)))
     admissible = sum(orbit.admissible for orbit in ranked)
@@ -109,7 +106,7 @@ def ordered(orbits: Iterable[Orbit]) -> Orbits[Any]:
     return Orbits(ranked, message=counted(admissible, f"{ranked[0].name} orbit"))
 
 
-def lost(solved: Solved, name: str) -> Orbits[Any]:
+def lost(solved: Solved, name: str) -> Orbits:
     """Return the outcome of a search whose Newton's method did not converge to an orbit."""
     if solved.singular:
         message = "converged to a fold or a graze, where the equations are singular; give a guess away from it"
@@ -118,6 +115,6 @@ def lost(solved: Solved, name: str) -> Orbits[Any]:
     return Orbits(outcome="not_converged", message=message)
 
 
-def other_name(reached: str, name: str) -> Orbits[Any]:
+def other_name(reached: str, name: str) -> Orbits:
     """Return the outcome of a search that converged to an orbit with a shorter cycle than requested."""
     return Orbits(outcome="other_name", message=f"converged to a {reached} orbit instead of a {name} one")

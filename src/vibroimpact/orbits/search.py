@@ -30,7 +30,7 @@ def find_orbit(
     near: Any = None,
     energy: float | None = None,
     mode: int | None = None,
-) -> Orbits[Any]:
+) -> Orbits:
     r"""Find the period-n impact-p orbits of an oscillator or a system, stable or not.
 
     Impact times and velocities solve, flight by flight,
@@ -70,13 +70,13 @@ def find_orbit(
     Returns
     -------
     Orbits
-        A list of `Orbit`, stable ones first, each beginning with its hardest impact; for systems a list of
-        `SystemOrbit`, each beginning with an impact on the first of `stops`. It has an `outcome` and a `message`. With
-        one impact, or with `near`, it includes inadmissible orbits (they penetrate the stop); their `message` gives the
-        reason, and they are never `stable`. Otherwise it holds only admissible ones. Without `stops`, `message` joins
-        the reasons of all stops for which no orbit was found. With `near` alone, it holds one admissible orbit or none,
-        and `message` says whether the motion settles to it, or only passes by (`outcome` "not_periodic"). It is empty
-        for a model without a driving period unless `energy` is given.
+        A list of `Orbit`, stable ones first, each beginning with its hardest impact, for systems with an impact on the
+        first of `stops`. It has an `outcome` and a `message`. With one impact, or with `near`, it includes inadmissible
+        orbits (they penetrate the stop); their `message` gives the reason, and they are never `stable`. Otherwise it
+        holds only admissible ones. Without `stops`, `message` joins the reasons of all stops for which no orbit was
+        found. With `near` alone, it holds one admissible orbit or none, and `message` says whether the motion settles
+        to it, or only passes by (`outcome` "not_periodic"). It is empty for a model without a driving period unless
+        `energy` is given.
 
     Raises
     ------
@@ -206,7 +206,7 @@ def find_orbit(
         return _found(osc, n, p, struck, guess, symmetric=symmetric)
 
 
-def _found(osc: Model, n: int, p: int, struck: tuple[int, ...] | None, guess: Guess, *, symmetric: bool) -> Orbits[Any]:
+def _found(osc: Model, n: int, p: int, struck: tuple[int, ...] | None, guess: Guess, *, symmetric: bool) -> Orbits:
     """Return the orbits of a request that was checked."""
     if osc.at().forgets:
         if symmetric:
@@ -221,7 +221,7 @@ def _found(osc: Model, n: int, p: int, struck: tuple[int, ...] | None, guess: Gu
     return systems.find(osc, n, p, guess)
 
 
-def _of_its_type(model: Model, guess: Guess) -> Orbits[Any]:
+def _of_its_type(model: Model, guess: Guess) -> Orbits:
     """Return the orbits of the type of a given one; the nearest only, if it was given as an attractor."""
     orbit, attractor = guess.orbit, guess.orbit is not guess.near
     if attractor and orbit.oscillator == model.at():

@@ -190,4 +190,5 @@ def sticking_orbit(model: Model, stick: Stick, chatter: float) -> Orbit:
         release_phase=stick.release_phase,
         stuck_time=stick.fraction * osc.period,
         family=family_of(model),
+        turns=tuple((listed[:, 0] + listed[:, 1]).tolist()),
     )

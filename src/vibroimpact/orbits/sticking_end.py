@@ -27,9 +27,9 @@ from typing import Any
 
 from vibroimpact.model import Model, check_model
 from vibroimpact.model.oscillator import ImpactOscillator
+from vibroimpact.model.units import check_pair
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
-from vibroimpact.orbits.orbit import check_pair
 from vibroimpact.orbits.resting import resting_orbits
 from vibroimpact.orbits.search import find_orbit
 from vibroimpact.orbits.sticking import LONGEST, from_release, periods_from_release, sticking_orbit
@@ -89,7 +89,7 @@ class StickingEnd:
         (systems only: no next orbit is found although this one still rests, as at a fold or a graze).
     message : str
         The outcome in a sentence.
-    orbit : Orbit, SystemOrbit or None
+    orbit : Orbit or None
         The sticking cycle at the boundary.
     """
 

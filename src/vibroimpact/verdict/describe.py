@@ -41,7 +41,7 @@ class Verdict(Shown):
         "periodic", "sticking", "chaotic", "undecided", "no_impact", "stuck_forever", "decaying" or "budget".
     motion : Motion
         The motion from rest: its name, and speeds (m/s) and phases of one cycle, beginning with its hardest hit.
-    orbit : Orbit, SystemOrbit or None
+    orbit : Orbit or None
         The exact solution for this motion, with multipliers, if it is periodic or, for one mass, sticks.
     status : str
         How the sampled motion ended, as in `parameter_map`.

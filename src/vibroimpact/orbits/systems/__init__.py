@@ -1,9 +1,11 @@
 """Periodic orbits of systems of several coordinates and stops, stable or not."""
 
 from vibroimpact.model.elements import Contact
-from vibroimpact.orbits.orbit import Rest
-from vibroimpact.orbits.systems.orbit import SystemOrbit, at_first_contact, make_orbit
+from vibroimpact.orbits.orbit import Orbit, Rest
+from vibroimpact.orbits.systems.orbit import at_first_contact, make_orbit
 from vibroimpact.orbits.systems.search import cycles_of_one_impact, ended, find_near, of_one_impact, settled
+
+SystemOrbit = Orbit  # its name before all models had one class of orbits
 
 __all__ = [
     "Contact",

@@ -10,10 +10,10 @@ import numpy as np
 
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.admissibility import ROUNDING
+from vibroimpact.orbits.cycle import Cycle, Leg
 from vibroimpact.orbits.equations import STRIDE, TURN
-from vibroimpact.orbits.systems.cycle import Cycle, Leg
-from vibroimpact.orbits.systems.events import PUSH_AGAIN
-from vibroimpact.orbits.systems.flow import Flow
+from vibroimpact.orbits.events import PUSH_AGAIN
+from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.systems.sampling import Samples, evenly, places_of, pulls, sampled, turning_points
 
 MOST_SAMPLES = 1 << 16  # samples of one leg, at most

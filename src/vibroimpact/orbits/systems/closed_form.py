@@ -26,8 +26,8 @@ from itertools import pairwise
 import numpy as np
 
 from vibroimpact.cells import Floats
+from vibroimpact.orbits.cycle import Cycle
 from vibroimpact.orbits.equations import RESONANT, TURN, UNFORCED
-from vibroimpact.orbits.systems.cycle import Cycle
 from vibroimpact.parameters import counted
 
 Curve = Callable[[float], float]

@@ -23,11 +23,12 @@ import numpy as np
 
 from vibroimpact.cells import Floats
 from vibroimpact.model.system import ImpactSystem
+from vibroimpact.orbits.cycle import Cycle, cycle_of, multipliers_of
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.systems.cycle import Cycle, multipliers_of
-from vibroimpact.orbits.systems.flow import Flow
-from vibroimpact.orbits.systems.orbit import SystemOrbit, cycle_of, make_orbit
-from vibroimpact.orbits.systems.symmetry import mirror
+from vibroimpact.orbits.flow import Flow
+from vibroimpact.orbits.orbit import Orbit
+from vibroimpact.orbits.symmetry import mirror
+from vibroimpact.orbits.systems.orbit import make_orbit
 
 CORRECTIONS = 10  # per orbit, at most
 CLOSE = 1e-10  # relative correction after which Newton's method has converged to rounding
@@ -99,7 +100,7 @@ class Member:
         doubling = "pitchfork" if self.cycle.images else "period_doubling"
         return {"fold": float(self.tangent[-1]), doubling: _side(self.others)}
 
-    def orbit(self, system: ImpactSystem) -> SystemOrbit:
+    def orbit(self, system: ImpactSystem) -> Orbit:
         """Return the orbit, whose system has its frequency."""
         slow, p, shrink = self.cycle.flow, len(self.cycle.events), TURN / float(self.z[-2])
         own = system.replace(omega=shrink * slow.omega)
@@ -194,7 +195,7 @@ def member(cycle: FreeCycle, z: Floats, matrix: Floats, along: Floats) -> Member
     return Member(cycle, z, tangent * (1.0 if tangent @ (along / columns) >= 0.0 else -1.0))
 
 
-def member_of(orbit: SystemOrbit) -> Member:
+def member_of(orbit: Orbit) -> Member:
     """Return an orbit as a member of its family; a symmetric one as half a cycle."""
     whole, unknown = cycle_of(orbit)
     images = mirror(orbit.system)[0] if orbit.symmetric else ()

@@ -8,9 +8,9 @@ import numpy as np
 
 from vibroimpact.cells import Floats
 from vibroimpact.model.elements import Contact
+from vibroimpact.orbits.cycle import Cycle, Leg
+from vibroimpact.orbits.events import IMPACT
 from vibroimpact.orbits.systems.admissibility import clearances
-from vibroimpact.orbits.systems.cycle import Cycle, Leg
-from vibroimpact.orbits.systems.events import IMPACT
 from vibroimpact.orbits.systems.sampling import Samples, pulls, sampled, turning_points
 
 NODES = 8  # of Gauss-Legendre quadrature over one stride of the samples: exact to rounding

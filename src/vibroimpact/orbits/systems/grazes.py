@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.cells import Floats
+from vibroimpact.orbits.events import Event
 from vibroimpact.orbits.systems.admissibility import flown, objection
 from vibroimpact.orbits.systems.conserved import NONE, FreeCycle, Member, corrected, correction, member, misses, sizes
-from vibroimpact.orbits.systems.events import Event
 from vibroimpact.orbits.systems.guesses import occurrences
 
 BORN = 0.02  # radians of the fastest rate, or part of the largest speed: first contact or impact of a family

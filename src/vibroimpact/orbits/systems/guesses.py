@@ -10,13 +10,12 @@ import numpy as np
 
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import ROUNDING
+from vibroimpact.orbits.cycle import Cycle, Leg, cycle_of
 from vibroimpact.orbits.equations import TURN
+from vibroimpact.orbits.events import IMPACT, LET_GO, PUSH_AGAIN, Event, Pushing
+from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.results import Guess
 from vibroimpact.orbits.systems.admissibility import courses
-from vibroimpact.orbits.systems.cycle import Cycle, Leg
-from vibroimpact.orbits.systems.events import IMPACT, LET_GO, PUSH_AGAIN, Event, Pushing
-from vibroimpact.orbits.systems.flow import Flow
-from vibroimpact.orbits.systems.orbit import cycle_of
 from vibroimpact.orbits.systems.sampling import stages
 from vibroimpact.parameters import invalid, real_number, several
 

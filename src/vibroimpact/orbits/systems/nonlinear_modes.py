@@ -13,14 +13,13 @@ from vibroimpact.model import as_system
 from vibroimpact.model.force import Force
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.equations import TURN
+from vibroimpact.orbits.events import LET_GO, Event
+from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.results import Orbits
+from vibroimpact.orbits.symmetry import mirror
 from vibroimpact.orbits.systems.conserved import FreeCycle, Member, corrected, member
-from vibroimpact.orbits.systems.events import LET_GO, Event
-from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.free_families import at_energy, follow, located, simultaneous
 from vibroimpact.orbits.systems.grazes import BORN, LONGEST, followed, recast
-from vibroimpact.orbits.systems.orbit import SystemOrbit
-from vibroimpact.orbits.systems.symmetry import mirror
 from vibroimpact.parameters import counted, hertz, invalid, real_number, whole_number
 from vibroimpact.progress import reporter
 
@@ -30,7 +29,7 @@ SMALLEST = 1e-6  # radians: shortest one tried
 BEYOND = 1.05  # of the energy of the first contact: beyond it, orbits of less energy are not sought
 
 
-def find_of_energy(design: Any, energy: Any, mode: Any) -> Orbits[SystemOrbit]:
+def find_of_energy(design: Any, energy: Any, mode: Any) -> Orbits:
     """Return the orbits of an energy in J in the family that is born from a mode, counted from 1.
 
     Above the energy of the first contact it is the first on the curve, below it all of them.

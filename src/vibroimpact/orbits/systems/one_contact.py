@@ -23,14 +23,14 @@ import numpy as np
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import growth
 from vibroimpact.orbits.admissibility import ROUNDING
+from vibroimpact.orbits.cycle import Cycle
 from vibroimpact.orbits.distance import Impacts, same_orbit
 from vibroimpact.orbits.equations import TURN
+from vibroimpact.orbits.events import Pushing
+from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.systems.admissibility import courses
 from vibroimpact.orbits.systems.closed_form import EPS, VANISHED, not_isolated, nowhere, unforced
 from vibroimpact.orbits.systems.common_zeros import NODES, common_zeros
-from vibroimpact.orbits.systems.cycle import Cycle
-from vibroimpact.orbits.systems.events import Pushing
-from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.parameters import counted
 
 MOST_ORBITS = 256  # solutions for one contact: if there are more, they are not isolated

@@ -17,9 +17,8 @@ from vibroimpact.cells import Floats
 from vibroimpact.model.modal import ModalForm
 from vibroimpact.model.points import observed
 from vibroimpact.model.system import ImpactSystem
+from vibroimpact.orbits.cycle import Leg, cycle_of
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.systems.cycle import Leg
-from vibroimpact.orbits.systems.orbit import cycle_of
 from vibroimpact.orbits.systems.sampling import TERMS, Samples, sampled, turning_points
 
 PLACES, WEIGHTS = np.polynomial.legendre.leggauss(3)
@@ -83,7 +82,7 @@ def response_of(orbit: Any, *, of: Any = None) -> Response:
 
     Parameters
     ----------
-    orbit : Orbit or SystemOrbit
+    orbit : Orbit
         An orbit that rests at no stop.
     of : str, int or sequence of n float, optional
         The name of a point, or of a stop (then its clearance), the number of a coordinate from 0 on, or factors of all

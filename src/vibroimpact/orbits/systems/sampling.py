@@ -18,10 +18,10 @@ import numpy as np
 from vibroimpact.backends.base import Counts
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import block_matrix, growth
+from vibroimpact.orbits.cycle import Leg
 from vibroimpact.orbits.equations import FEWEST_SAMPLES, STRIDE
-from vibroimpact.orbits.systems.cycle import Leg
-from vibroimpact.orbits.systems.events import Pushing
-from vibroimpact.orbits.systems.flow import Flow
+from vibroimpact.orbits.events import Pushing
+from vibroimpact.orbits.flow import Flow
 
 GONE = 60.0  # time constants of a component that has decayed below rounding, whatever its size at first
 SLOWER = 0.5  # of the fastest rate before: what is left must be that slow

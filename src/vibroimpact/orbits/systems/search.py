@@ -15,20 +15,19 @@ from vibroimpact.model import Model, State
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import cycle_name
 from vibroimpact.motion.recognition import cycle_length
-from vibroimpact.orbits import equations
-from vibroimpact.orbits.distance import same_orbit
+from vibroimpact.orbits.cycle import Cycle
+from vibroimpact.orbits.distance import equal_parts, points_of, same_orbit
 from vibroimpact.orbits.equations import SAME
-from vibroimpact.orbits.orbit import true_cycle
+from vibroimpact.orbits.flow import Flow
+from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits, lost, numbers_of, ordered, other_name
+from vibroimpact.orbits.symmetry import mirror
 from vibroimpact.orbits.systems.admissibility import far_beyond
 from vibroimpact.orbits.systems.closed_form import one_impact
-from vibroimpact.orbits.systems.cycle import Cycle
-from vibroimpact.orbits.systems.flow import Flow
 from vibroimpact.orbits.systems.guesses import beginning, traced
 from vibroimpact.orbits.systems.one_contact import one_contact
-from vibroimpact.orbits.systems.orbit import SystemOrbit, make_orbit
+from vibroimpact.orbits.systems.orbit import make_orbit
 from vibroimpact.orbits.systems.sticking import find_sticking
-from vibroimpact.orbits.systems.symmetry import mirror
 from vibroimpact.parameters import invalid
 
 # Transient impacts of the motion from rest before the guess for Newton's method; the second number, as in verdicts, is
@@ -37,7 +36,7 @@ TRANSIENTS = 2000, 1 << 15
 LOOK = 128  # impacts sampled, in which cycles of up to half as many are recognised
 
 
-def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[SystemOrbit]:
+def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits:
     """Return the period-n impact-p orbits of a system, on any stops.
 
     All orbits with one impact, or with two that are mirror images of each other, are found. Other orbits, and orbits
@@ -64,7 +63,7 @@ def striking(
     guess: Guess = NOTHING,
     *,
     symmetric: bool = False,
-) -> Orbits[SystemOrbit]:
+) -> Orbits:
     """Return the orbits that strike given stops in order; without these, one stop each, or the stops of the guess."""
     system: ImpactSystem = model.at()
     images, why = mirror(system)
@@ -98,7 +97,7 @@ def of_one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
     return (one_contact if len(cycle.events) > 1 else one_impact)(cycle)
 
 
-def stable_orbits(model: Model, n_periods: int) -> list[SystemOrbit]:
+def stable_orbits(model: Model, n_periods: int) -> list[Orbit]:
     """Return the stable orbits with one impact, on any stop, the hardest first; few of the others are constructed."""
     flow = Flow(model.at())
     cycles = (Cycle(flow, n_periods, flow.contact(stop)) for stop in range(len(flow.beta)))
@@ -108,8 +107,8 @@ def stable_orbits(model: Model, n_periods: int) -> list[SystemOrbit]:
     return sorted(orbits, key=lambda orbit: -max(orbit.velocities))
 
 
-def _of_one(model: Model, cycles: Iterable[Cycle]) -> Orbits[SystemOrbit]:
-    orbits, reasons = Orbits[SystemOrbit](), []
+def _of_one(model: Model, cycles: Iterable[Cycle]) -> Orbits:
+    orbits, reasons = Orbits(), []
     for cycle in cycles:
         solutions, why = of_one_impact(cycle)
         orbits += [make_orbit(model, *solution) for solution in solutions]
@@ -122,9 +121,9 @@ def _of_one(model: Model, cycles: Iterable[Cycle]) -> Orbits[SystemOrbit]:
     return orbits
 
 
-def _anywhere(model: Model, n_periods: int, n_impacts: int) -> Orbits[SystemOrbit]:
+def _anywhere(model: Model, n_periods: int, n_impacts: int) -> Orbits:
     """Return the symmetric orbits with two impacts, and the orbit to which the motion from rest settles."""
-    orbits: list[SystemOrbit] = []
+    orbits: list[Orbit] = []
     if n_impacts == 2 and n_periods % 2 and not mirror(model.at())[1]:
         orbits += striking(model, n_periods, symmetric=True)
     orbits += [
@@ -137,7 +136,7 @@ def _anywhere(model: Model, n_periods: int, n_impacts: int) -> Orbits[SystemOrbi
     return Orbits(outcome="none", message=f"the motion from rest {tried}; give `near`")
 
 
-def from_near(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits[SystemOrbit]:
+def from_near(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits:
     """Return the orbit that Newton's method reaches from another orbit, or from the motion that begins in a state."""
     if guess.stops:
         return striking(model, n_periods, guess=guess)
@@ -150,7 +149,7 @@ def from_near(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orb
     return _from(model, *cycle_and_start, mirror(system)[0])
 
 
-def _with_near(orbits: Orbits[SystemOrbit], model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOrbit]:
+def _with_near(orbits: Orbits, model: Model, n_periods: int, guess: Guess) -> Orbits:
     """Return orbits, with the one near a guess added if it is missing."""
     if guess.none or guess.sticks or all(stop.element.instantaneous for stop in model.at().stops):
         return orbits
@@ -158,18 +157,18 @@ def _with_near(orbits: Orbits[SystemOrbit], model: Model, n_periods: int, guess:
     return ordered([*orbits, *more]) if more else orbits
 
 
-def _from(model: Model, cycle: Cycle, start: Floats, images: tuple[int, ...]) -> Orbits[SystemOrbit]:
+def _from(model: Model, cycle: Cycle, start: Floats, images: tuple[int, ...]) -> Orbits:
     """Return the orbit that Newton's method reaches."""
     solved = cycle.solve(start)
     name = cycle_name(cycle.n_periods, len(cycle.stops) * (2 if cycle.images else 1))
     if solved.singular or not solved.converged:
         return lost(solved, name)
     orbit = make_orbit(model, *halved(cycle, solved.z, images))
-    whole = equations.Cycle(orbit.n_periods, orbit.n_impacts)
-    smallest = true_cycle(whole, np.array([*orbit.turns, *orbit.velocities]))
-    p = smallest.n_impacts
-    if smallest != whole and orbit.stops == orbit.stops[:p] * (orbit.n_impacts // p):
-        return other_name(smallest.name, name)
+    flights = np.diff(np.append(orbit.turns, orbit.turns[0] + orbit.n_periods))
+    stops = [orbit.system.stop_names.index(stop) for stop in orbit.stops]
+    parts = equal_parts(orbit.n_periods, np.column_stack([points_of(orbit, max(orbit.velocities)), flights, stops]))
+    if parts > 1:
+        return other_name(cycle_name(orbit.n_periods // parts, orbit.n_impacts // parts), name)
     return ordered([orbit])
 
 
@@ -186,7 +185,7 @@ def halved(cycle: Cycle, unknown: Floats, images: tuple[int, ...]) -> tuple[Cycl
     return (half, np.append(angles[: p // 2], unknown[p:])) if alike else (cycle, unknown)
 
 
-def settled(model: Model, n_periods: int, n_impacts: int, transients: Sequence[int] = TRANSIENTS) -> list[SystemOrbit]:
+def settled(model: Model, n_periods: int, n_impacts: int, transients: Sequence[int] = TRANSIENTS) -> list[Orbit]:
     """Return the orbit to which the motion from rest settles, if it is of this (n, p) type."""
     system = model.at()
     samples: Any
@@ -211,9 +210,7 @@ def ended(system: Any, samples: Any) -> State:
     return State(samples.last_displacement, samples.last_velocity, samples.last_phase * system.period)
 
 
-def find_near(
-    model: Model, n_periods: int, stops: Sequence[int], times: Sequence[float], state: State
-) -> Orbits[SystemOrbit]:
+def find_near(model: Model, n_periods: int, stops: Sequence[int], times: Sequence[float], state: State) -> Orbits:
     """Return the orbit to which a motion has settled, from the times of its impacts, or a state if contacts last."""
     all_stops = model.at().stops
     guess = Guess(times) if all(all_stops[stop].element.instantaneous for stop in stops) else Guess.of(state)

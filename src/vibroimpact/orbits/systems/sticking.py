@@ -26,13 +26,12 @@ from vibroimpact.motion import cycle_name
 from vibroimpact.motion.recognition import recurrence
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits import newton
+from vibroimpact.orbits.cycle import multipliers_of
 from vibroimpact.orbits.equations import SAME, TURN
+from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.newton import Solved
-from vibroimpact.orbits.orbit import Rest, family_of, phases_of
+from vibroimpact.orbits.orbit import Orbit, Rest, at_rest, family_of, phases_of
 from vibroimpact.orbits.results import Guess, Orbits, lost, other_name
-from vibroimpact.orbits.systems.cycle import multipliers_of
-from vibroimpact.orbits.systems.flow import Flow
-from vibroimpact.orbits.systems.orbit import SystemOrbit, at_rest
 from vibroimpact.parameters import invalid
 
 RETURNS = 100  # most driving periods of a cycle that is recognised in the motion from rest
@@ -55,7 +54,7 @@ class _History(NamedTuple):
     displacements: Floats
 
 
-def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits[SystemOrbit]:
+def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits:
     """Return the period-n orbit that rests at a stop, from an orbit or a state near it, or the motion from rest."""
     system: ImpactSystem = model.at()
     if guess.orbit is not None:
@@ -235,9 +234,7 @@ def _from_release(history: _History, names: tuple[str, ...], n_periods: int) -> 
     )
 
 
-def _orbit(
-    model: Model, history: _History, state: State, multipliers: tuple[complex, ...], n_periods: int
-) -> SystemOrbit:
+def _orbit(model: Model, history: _History, state: State, multipliers: tuple[complex, ...], n_periods: int) -> Orbit:
     system: ImpactSystem = model.at()
     history = _from_release(history, system.stop_names, n_periods)
     whole = math.floor(history.times[0])
@@ -246,7 +243,7 @@ def _orbit(
     struck = set(zip(history.stops, turns, strict=True))
     chatters = any((rest.stop, rest.begin) not in struck for rest in rests if rest.end - rest.begin < n_periods)
     stick, release, stuck = at_rest(rests, n_periods, system.period)
-    return SystemOrbit(
+    return Orbit(
         oscillator=system,
         n_periods=n_periods,
         n_impacts=-1 if chatters else len(turns),
@@ -254,7 +251,6 @@ def _orbit(
         turns=turns,
         velocities=tuple(history.velocities.tolist()),
         phases=phases_of(turns),
-        impulses=tuple(contact.impulse for contact in history.contacts),
         start=state,
         multipliers=multipliers,
         family=family_of(model),

@@ -12,8 +12,8 @@ from vibroimpact.backends.modal.carry import Carrier
 from vibroimpact.cells import Floats
 from vibroimpact.model.balance import accelerations, stop_forces
 from vibroimpact.options import Tolerances
+from vibroimpact.orbits.cycle import cycle_of
 from vibroimpact.orbits.equations import SAME
-from vibroimpact.orbits.systems.orbit import cycle_of
 from vibroimpact.sections import Followed
 
 

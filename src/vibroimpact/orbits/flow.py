@@ -30,7 +30,7 @@ import numpy as np
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import block_matrix, growth
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.orbits.systems.events import GRAZE, IMPACT, LET_GO, Event, Pushing
+from vibroimpact.orbits.events import GRAZE, IMPACT, LET_GO, Event, Pushing
 
 ORTHOGONAL = 1e-12  # largest cosine between directions of stops whose impacts do not affect one another
 KEPT = 64  # flights cached: those of one cycle, while its equations are differentiated and its orbit is built

@@ -38,9 +38,9 @@ from vibroimpact.cells import Floats
 from vibroimpact.matrices import ROUNDING
 from vibroimpact.orbits import newton
 from vibroimpact.orbits.equations import TURN
+from vibroimpact.orbits.events import GRAZE, IMPACT, Event, Pushing
+from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.newton import Solved
-from vibroimpact.orbits.systems.events import GRAZE, IMPACT, Event, Pushing
-from vibroimpact.orbits.systems.flow import Flow
 
 TIED = 1e-9  # radians of the fastest rate: events of different stops that are this close happen at the same time
 
@@ -304,3 +304,21 @@ def multipliers_of(jacobian: Floats) -> tuple[complex, ...]:
         return (complex(math.inf), *(0j for _ in jacobian[1:]))
     eigenvalues: NDArray[np.complex128] = np.linalg.eigvals(jacobian).astype(complex)
     return tuple(complex(value) for value in sorted(eigenvalues, key=lambda value: (-abs(value), -value.imag)))
+
+
+def cycle_of(orbit: Any) -> tuple[Cycle, Floats]:
+    """Return the whole cycle of an orbit, and its unknown.
+
+    Raises
+    ------
+    ValueError
+        The orbit rests at a stop.
+    """
+    orbit.check_flies()
+    flow, names = Flow(orbit.system), orbit.system.stop_names
+    events = tuple(Event(names.index(stop), kind) for _, kind, stop in orbit.events)
+    pushing = tuple(sorted(names.index(stop) for stop in orbit.pushing))
+    state = np.append(orbit.start.displacement, orbit.start.velocity)
+    angles = TURN * np.array([turn for turn, _, _ in orbit.events])
+    unknown = np.append(angles, np.linalg.solve(flow.physical, state))
+    return Cycle(flow, orbit.n_periods, events, (), pushing), unknown
