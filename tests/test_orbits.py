@@ -204,6 +204,13 @@ def test_a_start_at_a_fold_is_called_singular():
     assert vi.find_orbit(one.oscillator, n_periods=2, n_impacts=2, near=doubled).outcome in ("singular", "other_name")
 
 
+@pytest.mark.parametrize(("damping", "omega", "gap"), [(10.0, 0.99, -0.57), (10.0, 0.26, 0.4), (3.0, 0.92, -0.44)])
+def test_orbits_of_heavily_damped_masses_are_sought_without_an_overflow(damping, omega, gap):
+    """A step of Newton's method may put an impact long before the one that it follows."""
+    osc = vi.ImpactOscillator(damping=damping, omega=omega, gap=gap, restitution=0.5)
+    assert vi.find_orbit(osc, n_impacts=2).outcome in ("none", "other_name")
+
+
 def test_a_start_from_which_the_mass_hits_no_more_is_told():
     orbits = vi.find_orbit(vi.ImpactOscillator(gap=3.0, damping=0.5), n_impacts=2, near=(0.0, 0.01))
     assert orbits.outcome == "not_converged"

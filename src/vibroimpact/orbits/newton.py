@@ -54,13 +54,15 @@ def solve(
         largest, part = float(np.abs(correction).max()), 1.0
         while part > SHORTEST:
             trial = z - part * columns * correction
-            trial_misses, slope = scaled(trial)
-            if largest < close or (np.abs(trial_misses).max() < np.abs(misses).max() and in_order(trial)):
+            possible = in_order(trial)  # a flight far back in time is too large for a number
+            if possible:
+                trial_misses, slope = scaled(trial)
+            if largest < close or (possible and np.abs(trial_misses).max() < np.abs(misses).max()):
                 break
             part *= 0.5
         else:
             break
         if largest < close:
-            return Solved(trial, in_order(trial), bool(np.linalg.cond(matrix) > SINGULAR))
+            return Solved(trial, possible, bool(np.linalg.cond(matrix) > SINGULAR))
         z, misses, matrix = trial, trial_misses, slope
     return Solved(z, False, bool(not np.isfinite(matrix).all() or np.linalg.cond(matrix) > SUSPECT))
