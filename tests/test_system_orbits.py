@@ -623,6 +623,20 @@ def test_a_fast_mode_that_dips_between_slow_samples_is_seen():
     assert "after impact 1 it would penetrate 'stop_1'" in joined.message
 
 
+@pytest.mark.parametrize("restitution", [1e-6, 1e-4, 3e-3])
+def test_a_second_touch_right_after_a_weak_rebound_is_seen(restitution):
+    """Shortly before the force pulls the mass away, it presses it back; the mass leaves for good within one sample."""
+    seen = []
+    for omega in np.linspace(1.2, 2.2, 200):
+        osc = vi.ImpactOscillator(omega=omega, gap=0.3, damping=0.5, restitution=restitution)
+        for orbit, same in zip(vi.find_orbit(osc), vi.find_orbit(one_mass(osc)), strict=True):
+            hits = vi.impact_section(osc, start=orbit.start, transient_impacts=0, sample_impacts=2)["velocity"].values
+            moves = len(hits) == 2 and math.isclose(hits[1], orbit.velocities[0], rel_tol=1e-6)
+            assert (orbit.admissible, same.admissible) == (moves, moves), (omega, orbit.message, same.message)
+            seen.append(moves)
+    assert 5 < sum(seen) < len(seen) - 5
+
+
 def test_stops_that_are_struck_together_are_no_single_impact():
     both = [vi.Stop(direction=1, gap=0.1, restitution=0.6), vi.Stop(direction=2, gap=0.2, restitution=0.6)]
     orbits = vi.find_orbit(two_sided(stops=both), stops="stop_1")

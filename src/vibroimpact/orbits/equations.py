@@ -187,6 +187,18 @@ class Flight:
         return times, table[0, : number + 1], table[1, : number + 1]
 
 
+def double_turns(slopes: Floats, bends: Floats, step: float) -> NDArray[np.int64]:
+    """Return the samples before steps in which a slope may change its sign twice: its tangents meet beyond zero.
+
+    A mass that leaves the stop slowly while the force still presses it may turn back and away within one step.
+    """
+    sides = np.where(slopes[:-1] < 0.0, -1.0, 1.0)
+    first, last, bend, other = sides * slopes[:-1], sides * slopes[1:], sides * bends[:-1], sides * bends[1:]
+    found = np.flatnonzero((last >= 0.0) & (bend < 0.0) & (other > 0.0))
+    first, last, bend, other = first[found], last[found], bend[found], other[found]
+    return found[first + bend * (last - first - step * other) / (bend - other) < 0.0]
+
+
 def parameters_of(osc: ImpactOscillator) -> list[float]:
     """Return m, c, k, f, w, r, g."""
     return [osc.mass, osc.damping, osc.stiffness, osc.amplitude, osc.omega, osc.restitution, osc.gap]

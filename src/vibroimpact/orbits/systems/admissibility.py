@@ -173,21 +173,22 @@ def _course(leg: Leg, stop: int, samples: Samples, row: Floats, bound: Floats, *
     """Return the course of a stop over one part of a leg; `still`: it begins at rest."""
     lag = leg.flow.lag(stop)
     pull = pulls(row, lag)
-    gaps, rates, bounds = samples.along(np.stack([row[0], row[1], samples.forms(bound)]))
+    *along, bounds = samples.along(np.stack([*row[:3], samples.forms(bound)]))
+    gaps, rates = along[:2]
     size = float(max(np.abs(gaps - bounds).max(), np.abs(bounds).max()))
     if still:
         rates[0] = 0.0
     closing = bool(rates[-1] < 0.0)
     if stop in leg.pushing:
-        forces, slopes = samples.along(-pull[:2])
-        return Course(stop, samples.angles, forces, *turning_points(-pull, samples, slopes), size, closing)
-    places, lowest = turning_points(row, samples, rates)
+        forces = samples.along(-pull[:3])
+        return Course(stop, samples.angles, forces[0], *turning_points(-pull, samples, forces), size, closing)
+    places, lowest = turning_points(row, samples, np.array(along))
     if lag:
-        pulled, slopes = samples.along(pull[:2])
-        others, least = turning_points(pull, samples, slopes)
+        pulled = samples.along(pull[:3])
+        others, least = turning_points(pull, samples, pulled)
         pressed = np.interp(others, samples.angles, gaps) < 0.0
         places, lowest = np.append(places, others[pressed]), np.append(lowest, least[pressed])
-        gaps = np.maximum(gaps, pulled)
+        gaps = np.maximum(gaps, pulled[0])
     return Course(stop, samples.angles, gaps, places, lowest, size, closing)
 
 

@@ -64,7 +64,7 @@ def _on_compliant(cycle: Cycle, unknown: Floats, at: int) -> Contact:
 
 def _least(form: Floats, along: Floats, samples: Samples, since: float) -> tuple[float, float]:
     """Return the least value of a linear form on a leg that begins at an angle `since` an impact, and its angle."""
-    places, lowest = turning_points(form, samples, along[1])
+    places, lowest = turning_points(form, samples, along)
     values, angles = np.append(along[0], lowest), np.append(samples.angles, places)
     at = values.argmin()
     return float(values[at]), since + float(angles[at])

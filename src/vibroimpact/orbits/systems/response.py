@@ -56,9 +56,9 @@ def over(legs: Iterable[tuple[float, Leg]], form: Floats) -> Response:
             continue
         for samples in sampled(leg):
             (series,) = samples.series(form[None])
-            values, slopes = samples.along(series[:2])
-            lowest = min(lowest, values.min(), turning_points(series, samples, slopes)[1].min(initial=math.inf))
-            highest = max(highest, values.max(), -turning_points(-series, samples, -slopes)[1].min(initial=math.inf))
+            along = samples.along(series[:3])
+            lowest = min(lowest, along[0].min(), turning_points(series, samples, along)[1].min(initial=math.inf))
+            highest = max(highest, along[0].max(), -turning_points(-series, samples, -along)[1].min(initial=math.inf))
             integrals += _integrals(begin, samples, series)
         length += leg.duration
     mean, square, harmonic = integrals / length

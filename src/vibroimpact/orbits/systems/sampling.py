@@ -19,7 +19,7 @@ from vibroimpact.backends.base import Counts
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import block_matrix, growth
 from vibroimpact.orbits.cycle import Leg
-from vibroimpact.orbits.equations import FEWEST_SAMPLES, STRIDE
+from vibroimpact.orbits.equations import FEWEST_SAMPLES, STRIDE, double_turns
 from vibroimpact.orbits.events import Pushing
 from vibroimpact.orbits.flow import Flow
 
@@ -193,28 +193,46 @@ def _stepped(leg: Leg, stage: Stage, start: Floats, begin: float, step: float, n
     return Samples(begin + step * np.arange(number + 1.0), fine, coarse, stage)
 
 
-def turning_points(series: Floats, samples: Samples, slopes: Floats) -> tuple[Floats, Floats]:
-    """Return the minima between samples of linear forms given as power series, and their values."""
+def turning_points(series: Floats, samples: Samples, along: Floats) -> tuple[Floats, Floats]:
+    """Return the minima between samples of a linear form given as power series, and their values.
+
+    `along` holds the form, its slope and half its bend at all samples.
+    """
+    slopes, bends = along[1], 2.0 * along[2]
     turning = np.flatnonzero((slopes[:-1] < 0.0) & (slopes[1:] >= 0.0))
-    offsets, lowest = _minima(samples.at(series, turning), samples.step)
+    low, high = np.zeros(len(turning)), np.full(len(turning), samples.step)
+    twice = double_turns(slopes, bends, samples.step)
+    if len(twice):  # a minimum is beside the extreme slope between two samples, if that has the other sign
+        sides = np.where(slopes[twice] < 0.0, -1.0, 1.0)
+        rates = _derivative(samples.at(series, twice)) * sides
+        extremes, lowest = _minima(rates, np.zeros(len(twice)), np.full(len(twice), samples.step))
+        turns, after = lowest < 0.0, sides > 0.0
+        turning = np.append(turning, twice[turns])
+        low = np.append(low, np.where(after, extremes, 0.0)[turns])
+        high = np.append(high, np.where(after, samples.step, extremes)[turns])
+    offsets, lowest = _minima(samples.at(series, turning), low, high)
     return samples.angles[turning] + offsets, lowest
 
 
 def pulls(row: Floats, lag: float) -> Floats:
     """Return the series of (u + l u')/(1 + l), which vanishes with the force, from the series of u."""
-    rates = row[1:] * np.arange(1.0, len(row))[:, None]
-    series: Floats = (row[:-1] + lag * rates) / (1.0 + lag)
+    series: Floats = (row[:-1] + lag * _derivative(row)) / (1.0 + lag)
     return series
 
 
-def _minima(series: Floats, step: float) -> tuple[Floats, Floats]:
-    """Return the places between 0 and a step where slopes of power series rise through zero, and the values there.
+def _derivative(series: Floats) -> Floats:
+    """Return the derivatives of power series, one per column."""
+    derivative: Floats = series[1:] * np.arange(1, len(series))[:, None]
+    return derivative
+
+
+def _minima(series: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Return the places between bounds where slopes of power series rise through zero, and the values there.
 
     By Newton's method; where it leaves the bracketing interval, the interval is halved.
     """
-    low, high = np.zeros(series.shape[1]), np.full(series.shape[1], step)
-    slopes = series[1:] * np.arange(1, len(series))[:, None]
-    bends = slopes[1:] * np.arange(1, len(slopes))[:, None]
+    slopes, step = _derivative(series), float(high.max(initial=0.0))
+    bends = _derivative(slopes)
     at = 0.5 * (low + high)
     for _ in range(BISECTIONS):
         slope, bend = (np.polynomial.polynomial.polyval(at, each, tensor=False) for each in (slopes, bends))
@@ -224,4 +242,4 @@ def _minima(series: Floats, step: float) -> tuple[Floats, Floats]:
         before, at = at, np.where((following >= low) & (following <= high), following, 0.5 * (low + high))
         if np.abs(at - before).max(initial=0.0) <= RESOLVED * step:
             break
-    return at, np.polynomial.polynomial.polyval(at, series, tensor=False)
+    return at, np.asarray(np.polynomial.polynomial.polyval(at, series, tensor=False), dtype=np.float64)
