@@ -94,7 +94,7 @@ def objection(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
     if speeds.min() <= ROUNDING * fastest:
         return _beyond(osc, cycle, z)
     turns = [end - begin for begin, end in (cycle.span(z, i) for i in range(p))]
-    a_turn = TURN / REACH * float(osc.cells({}).fastest_rate[0]) / osc.omega
+    a_turn = TURN / REACH * flight_of(parameters_of(osc)).fastest / osc.omega
     if max(turns) * a_turn > MOST:
         i = int(np.argmax(turns))
         return (

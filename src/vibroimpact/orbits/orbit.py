@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
+from itertools import repeat
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -380,14 +381,15 @@ def _of_one_mass(orbit: Orbit) -> dict[str, Any]:
     """Return what follows from the impacts of one mass in front of one rigid stop, by field."""
     osc, speeds = orbit.oscillator, orbit.velocities
     (stop,) = osc.stop_names
-    turns = orbit.turns or turns_of(osc, orbit.n_periods, orbit.phases, speeds)
+    turns = tuple(orbit.turns or turns_of(osc, orbit.n_periods, orbit.phases, speeds))
     whole = math.floor(turns[0]) if turns else 0
-    turns = tuple(turn - whole for turn in turns)
-    contacts = tuple(taken_by(osc.mass, osc.restitution, speed) for speed in speeds)
+    turns = tuple([turn - whole for turn in turns]) if whole else turns
+    taken = taken_by(osc.mass, osc.restitution, np.array(speeds))
+    contacts = tuple(map(Contact, *(part.tolist() if isinstance(part, np.ndarray) else repeat(part) for part in taken)))
     content: dict[str, Any] = {"turns": turns, "stops": (stop,) * len(turns), "contacts": contacts}
     if orbit.sticks:
         end = orbit.n_periods + orbit.release_phase - whole
-        content["rests"] = (Rest(stop, end - orbit.stuck_time / osc.period, end),)
-        return content | {"start": State(osc.gap, 0.0, orbit.release_phase * osc.period)}
-    content["events"] = tuple((turn, IMPACT, stop) for turn in turns)
-    return content | {"start": State(osc.gap, speeds[0], orbit.phases[0] * osc.period)}
+        rests = (Rest(stop, end - orbit.stuck_time / osc.period, end),)
+        return content | {"rests": rests, "start": State(osc.gap, 0.0, orbit.release_phase * osc.period)}
+    events = tuple([(turn, IMPACT, stop) for turn in turns])
+    return content | {"events": events, "start": State(osc.gap, speeds[0], orbit.phases[0] * osc.period)}
