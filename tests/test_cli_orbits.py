@@ -76,6 +76,8 @@ def test_orbits_as_json_hold_every_digit(run, tmp_path):
     assert (stored["velocities"], stored["phases"]) == (list(orbit.velocities), list(orbit.phases))
     assert [complex(*pair) for pair in stored["multipliers"]] == list(orbit.multipliers)
     assert (stored["stable"], stored["admissible"], stored["stick_phase"]) == (False, True, None)
+    assert (stored["turns"], stored["stops"], stored["rests"]) == (list(orbit.turns), ["stop"], [])
+    assert stored["contacts"][0]["energy_lost"] == orbit.contacts[0].energy_lost
 
 
 def test_a_multiplier_without_bound_at_a_graze_is_a_word_in_json():

@@ -129,12 +129,12 @@ class Orbit(Shown):
     turns: tuple[float, ...] = ()
     stops: tuple[str, ...] = ()
     start: Any = None  # a State
-    events: tuple[tuple[float, str, str], ...] = ()
-    pushing: tuple[str, ...] = ()
-    contacts: tuple[Contact, ...] = ()
+    events: tuple[tuple[float, str, str], ...] = field(default=(), repr=False)
+    pushing: tuple[str, ...] = field(default=(), repr=False)
+    contacts: tuple[Contact, ...] = field(default=(), repr=False)
     rests: tuple[Rest, ...] = ()
-    half_multipliers: tuple[complex, ...] = ()
-    neutral: tuple[complex, ...] = ()
+    half_multipliers: tuple[complex, ...] = field(default=(), repr=False)
+    neutral: tuple[complex, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         if self.start is None:
