@@ -22,7 +22,7 @@ from vibroimpact.orbits.distance import Impacts, equal_parts, points_of, same_or
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Orbit, family_of, phases_of
-from vibroimpact.orbits.results import Guess, Orbits, lost, ordered, other_name
+from vibroimpact.orbits.results import Guess, Orbits, ordered, reached
 from vibroimpact.parameters import invalid, real_number
 
 
@@ -107,12 +107,7 @@ def _first_impact(osc: ImpactOscillator, state: State) -> tuple[float, float]:
 def from_guess(model: Model, cycle: Cycle, start: Floats) -> Orbits:
     """Return the orbit that Newton's method reaches."""
     solved = solve(model.at(), cycle, start)
-    if solved.singular or not solved.converged:
-        return lost(solved, cycle.name)
-    smallest = true_cycle(cycle, solved.z)
-    if smallest != cycle:
-        return other_name(smallest.name, cycle.name)
-    return ordered([make_orbit(model, cycle, from_hardest(cycle, solved.z))])
+    return reached(solved, cycle.name, lambda z: make_orbit(model, cycle, from_hardest(cycle, z)))
 
 
 def _anywhere(model: Model, cycle: Cycle) -> Orbits:

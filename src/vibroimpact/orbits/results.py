@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from vibroimpact.cells import Floats
 from vibroimpact.model import State
+from vibroimpact.motion import cycle_name
+from vibroimpact.orbits.distance import equal_parts, points_of
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.parameters import choice, counted, invalid, several
@@ -104,6 +109,18 @@ def ordered(orbits: Iterable[Orbit]) -> Orbits:
     if not admissible:
         return Orbits(ranked, outcome="inadmissible", message=ranked[0].message)
     return Orbits(ranked, message=counted(admissible, f"{ranked[0].name} orbit"))
+
+
+def reached(solved: Solved, name: str, orbit_of: Callable[[Floats], Orbit]) -> Orbits:
+    """Return the orbit of a name that Newton's method reached, made from its solution, or why it is none."""
+    if solved.singular or not solved.converged:
+        return lost(solved, name)
+    orbit = orbit_of(solved.z)
+    n, p = orbit.n_periods, orbit.n_impacts
+    stops = [orbit.oscillator.stop_names.index(stop) for stop in orbit.stops]
+    flights = np.diff(np.append(orbit.turns, orbit.turns[0] + n))
+    parts = equal_parts(n, np.column_stack([points_of(orbit, max(orbit.velocities)), flights, stops]))
+    return ordered([orbit]) if parts == 1 else other_name(cycle_name(n // parts, p // parts), name)
 
 
 def lost(solved: Solved, name: str) -> Orbits:

@@ -16,11 +16,11 @@ from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import cycle_name
 from vibroimpact.motion.recognition import cycle_length
 from vibroimpact.orbits.cycle import Cycle
-from vibroimpact.orbits.distance import equal_parts, points_of, same_orbit
+from vibroimpact.orbits.distance import same_orbit
 from vibroimpact.orbits.equations import SAME
 from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits, lost, numbers_of, ordered, other_name
+from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits, numbers_of, ordered, reached
 from vibroimpact.orbits.symmetry import mirror
 from vibroimpact.orbits.systems.admissibility import far_beyond
 from vibroimpact.orbits.systems.closed_form import one_impact
@@ -159,17 +159,8 @@ def _with_near(orbits: Orbits, model: Model, n_periods: int, guess: Guess) -> Or
 
 def _from(model: Model, cycle: Cycle, start: Floats, images: tuple[int, ...]) -> Orbits:
     """Return the orbit that Newton's method reaches."""
-    solved = cycle.solve(start)
     name = cycle_name(cycle.n_periods, len(cycle.stops) * (2 if cycle.images else 1))
-    if solved.singular or not solved.converged:
-        return lost(solved, name)
-    orbit = make_orbit(model, *halved(cycle, solved.z, images))
-    flights = np.diff(np.append(orbit.turns, orbit.turns[0] + orbit.n_periods))
-    stops = [orbit.system.stop_names.index(stop) for stop in orbit.stops]
-    parts = equal_parts(orbit.n_periods, np.column_stack([points_of(orbit, max(orbit.velocities)), flights, stops]))
-    if parts > 1:
-        return other_name(cycle_name(orbit.n_periods // parts, orbit.n_impacts // parts), name)
-    return ordered([orbit])
+    return reached(cycle.solve(start), name, lambda z: make_orbit(model, *halved(cycle, z, images)))
 
 
 def halved(cycle: Cycle, unknown: Floats, images: tuple[int, ...]) -> tuple[Cycle, Floats]:
