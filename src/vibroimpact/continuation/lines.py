@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,35 +18,14 @@ from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.model import Model
 from vibroimpact.orbits import systems
 from vibroimpact.orbits.admissibility import ROUNDING
-from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits
+from vibroimpact.orbits.equations import Cycle, Floats, fastest_of
 from vibroimpact.orbits.one_mass import from_hardest, make_orbit, solution_of, true_cycle
-from vibroimpact.orbits.orbit import Orbit
+from vibroimpact.orbits.search import of_one_impact
 from vibroimpact.orbits.sticking import periods_from_release
 from vibroimpact.orbits.sticking_end import StickingEnd, end_of_sticking
 from vibroimpact.progress import Report
 
 SEEDS = 60  # values along a line at which orbits are sought
-
-
-class _Seed(NamedTuple):
-    """An orbit with one impact, or one in each half: its type and stops, velocity, and a function that builds it."""
-
-    struck: Hashable
-    velocity: float
-    orbit: Callable[[], Orbit]
-
-
-def _seeds(model: Model, n: int) -> Iterator[_Seed]:
-    """Yield the orbits with one impact in n periods."""
-    osc = model.at()
-    if osc.forgets:
-        for z in impact_1_orbits(osc, n)[0]:
-            yield _Seed("", float(z[1]), partial(make_orbit, model, Cycle(n, 1), z))
-        return
-    for struck in systems.cycles_of_one_impact(osc, n):
-        for cycle, unknown in systems.of_one_impact(struck)[0]:
-            stops, speed = (cycle.stops, cycle.images), float(cycle.velocities(unknown)[0])
-            yield _Seed(stops, speed, partial(systems.make_orbit, model, cycle, unknown))
 
 
 def points_on_line(
@@ -60,16 +38,16 @@ def points_on_line(
     followed: dict[Hashable, list[Floats]] = defaultdict(list)
     for value in np.linspace(*range, SEEDS).tolist():
         look(0, UNKNOWN, None)
-        for seed in _seeds(model.replace(**{parameter: value}), n):
-            if any(covered(rows, value, seed.velocity) for rows in followed[seed.struck]):
+        for solution in of_one_impact(model.replace(**{parameter: value}), n, symmetric=True):
+            if any(covered(rows, value, solution.velocity) for rows in followed[solution.struck]):
                 continue
-            orbit = seed.orbit()
+            orbit = solution.orbit()
             if not orbit.admissible:
                 continue
             equations, solved = equations_of(orbit, (parameter,), (range,))
             for way in both_ways(partial(walk, equations, equations.pack(solved), longest, False), look):
                 rows = [[p.value, p.equations.velocities(p.x)[0]] for p in way.points]
-                followed[seed.struck].append(np.array(rows))
+                followed[solution.struck].append(np.array(rows))
                 yield from (special.bifurcation(parameter) for special in way.special)
 
 

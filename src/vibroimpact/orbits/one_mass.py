@@ -7,6 +7,7 @@ the attractor reached from rest, and a grid over the impact surface.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import astuple
 from functools import partial
 
@@ -22,7 +23,7 @@ from vibroimpact.orbits.distance import Impacts, equal_parts, points_of, same_or
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Orbit, family_of, phases_of
-from vibroimpact.orbits.results import Guess, Orbits, ordered, reached
+from vibroimpact.orbits.results import Guess, Orbits, Solution, ordered, reached
 from vibroimpact.parameters import invalid, real_number
 
 
@@ -58,12 +59,17 @@ def solve(osc: ImpactOscillator, cycle: Cycle, start: Floats) -> Solved:
     return newton.solve(partial(cycle.linearised, parameters), start, sizes, cycle.in_order)
 
 
-def stable_orbits(osc: ImpactOscillator, n_periods: int) -> list[Orbit]:
-    """Return the stable period-n impact-1 orbits, the hardest first; unstable ones are not constructed."""
-    cycle, parameters = Cycle(n_periods, 1), parameters_of(osc)
-    stable = [z for z in impact_1_orbits(osc, n_periods)[0] if max(map(abs, cycle.multipliers(parameters, z))) < 1.0]
-    orbits = [orbit for orbit in (make_orbit(osc, cycle, z) for z in stable) if orbit.stable]
-    return sorted(orbits, key=lambda orbit: -max(orbit.velocities))
+def of_one_impact(model: Model, n_periods: int) -> Iterator[Solution]:
+    """Yield the solutions with one impact in n periods."""
+    osc, cycle = model.at(), Cycle(n_periods, 1)
+    for z in impact_1_orbits(osc, n_periods)[0]:
+        orbit = partial(make_orbit, model, cycle, z)
+        yield Solution("", float(z[1]), partial(_attracts, osc, cycle, z), orbit)
+
+
+def _attracts(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> bool:
+    """Return whether nearby motions approach a solution."""
+    return max(map(abs, cycle.multipliers(parameters_of(osc), z))) < 1.0
 
 
 def impact_of(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -51,6 +51,18 @@ class Orbits(list[Orbit]):
     def _repr_html_(self) -> str:
         rows = [orbit._row() for orbit in self]
         return written(Table(self.sentence, [*rows[0]] if rows else (), [[*row.values()] for row in rows]))
+
+
+class Solution(NamedTuple):
+    """A solution of the equations of a cycle with one impact, or with one in each mirrored half, as `orbit` makes it.
+
+    With what it strikes, the velocity in m/s, and whether it `may_attract`: few others than stable orbits do.
+    """
+
+    struck: Hashable
+    velocity: float
+    may_attract: Callable[[], bool]
+    orbit: Callable[[], Orbit]
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -11,8 +11,8 @@ from vibroimpact.model import Model, check_model
 from vibroimpact.orbits import one_mass
 from vibroimpact.orbits.distance import orbit_distance
 from vibroimpact.orbits.near import orbit_near, state_of
-from vibroimpact.orbits.orbit import family_of
-from vibroimpact.orbits.results import IMPACTS, Guess, Orbits, numbers_of, ordered
+from vibroimpact.orbits.orbit import Orbit, family_of
+from vibroimpact.orbits.results import IMPACTS, Guess, Orbits, Solution, numbers_of, ordered
 from vibroimpact.parameters import invalid, truth, whole_number
 from vibroimpact.progress import reporter
 
@@ -231,11 +231,16 @@ def _of_its_type(model: Model, guess: Guess) -> Orbits:
     return ordered(sorted(found, key=partial(orbit_distance, orbit))[:1]) if attractor and found else found
 
 
-def stable_orbits(model: Model, n_periods: int) -> list[Any]:
-    """Return the stable period-n impact-1 orbits of a model, the hardest first; unstable ones are not constructed."""
-    osc = model.at()
-    if osc.forgets:
-        return one_mass.stable_orbits(osc, n_periods)
+def of_one_impact(model: Model, n_periods: int, *, symmetric: bool = False) -> Iterable[Solution]:
+    """Return the solutions with one impact on any stop and, if asked, those with one in each mirrored half."""
+    if model.at().forgets:
+        return one_mass.of_one_impact(model, n_periods)
     from vibroimpact.orbits.systems import search as systems
 
-    return systems.stable_orbits(model, n_periods)
+    return systems.of_one_impact(model, n_periods, symmetric=symmetric)
+
+
+def stable_orbits(model: Model, n_periods: int) -> list[Orbit]:
+    """Return the stable period-n impact-1 orbits of a model, the hardest first; few of the others are constructed."""
+    orbits = (solution.orbit() for solution in of_one_impact(model, n_periods) if solution.may_attract())
+    return sorted((orbit for orbit in orbits if orbit.stable), key=lambda orbit: -max(orbit.velocities))

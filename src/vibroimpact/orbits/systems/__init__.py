@@ -3,7 +3,7 @@
 from vibroimpact.model.elements import Contact
 from vibroimpact.orbits.orbit import Orbit, Rest
 from vibroimpact.orbits.systems.orbit import at_first_contact, make_orbit
-from vibroimpact.orbits.systems.search import cycles_of_one_impact, ended, find_near, of_one_impact, settled
+from vibroimpact.orbits.systems.search import ended, find_near, settled
 
 SystemOrbit = Orbit  # its name before all models had one class of orbits
 
@@ -12,10 +12,8 @@ __all__ = [
     "Rest",
     "SystemOrbit",
     "at_first_contact",
-    "cycles_of_one_impact",
     "ended",
     "find_near",
     "make_orbit",
-    "of_one_impact",
     "settled",
 ]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -20,7 +22,7 @@ from vibroimpact.orbits.distance import same_orbit
 from vibroimpact.orbits.equations import SAME
 from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits, numbers_of, ordered, reached
+from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits, Solution, numbers_of, ordered, reached
 from vibroimpact.orbits.symmetry import mirror
 from vibroimpact.orbits.systems.admissibility import far_beyond
 from vibroimpact.orbits.systems.closed_form import one_impact
@@ -82,14 +84,27 @@ def striking(
     return _from(model, *beginning(flow, n_periods, sequences[0], mirrored, guess), images)
 
 
-def cycles_of_one_impact(system: ImpactSystem, n_periods: int) -> list[Cycle]:
-    """Return the cycles with one impact, for each stop, and those with one impact on each stop of a mirrored pair."""
-    flow, images = Flow(system), mirror(system)[0] if n_periods % 2 else ()
+def of_one_impact(model: Model, n_periods: int, *, symmetric: bool) -> Iterator[Solution]:
+    """Yield the solutions with one impact on any stop and, if asked, those with one on each stop of a mirrored pair."""
+    system: ImpactSystem = model.at()
+    flow, images = Flow(system), mirror(system)[0] if symmetric and n_periods % 2 else ()
     cycles = [Cycle(flow, n_periods, flow.contact(stop)) for stop in range(len(system.stops))]
-    return cycles + [Cycle(flow, n_periods, flow.contact(at), images) for at, image in enumerate(images) if at < image]
+    cycles += [Cycle(flow, n_periods, flow.contact(at), images) for at, image in enumerate(images) if at < image]
+    for cycle, unknown in chain.from_iterable(_solutions(one)[0] for one in cycles):
+        yield Solution(
+            (cycle.stops, cycle.images),
+            float(cycle.velocities(unknown)[0]),
+            partial(_may_attract, cycle, unknown),
+            partial(make_orbit, model, cycle, unknown),
+        )
 
 
-def of_one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
+def _may_attract(cycle: Cycle, unknown: Floats) -> bool:
+    """Return whether nearby motions approach a solution that is not far beyond a stop."""
+    return abs(cycle.multipliers(unknown)[0]) < 1.0 and not far_beyond(cycle, unknown)
+
+
+def _solutions(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
     """Return all solutions with the one impact of a cycle, and the reason if there are none.
 
     For contacts that last the reason also says which others may have been missed.
@@ -97,20 +112,10 @@ def of_one_impact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
     return (one_contact if len(cycle.events) > 1 else one_impact)(cycle)
 
 
-def stable_orbits(model: Model, n_periods: int) -> list[Orbit]:
-    """Return the stable orbits with one impact, on any stop, the hardest first; few of the others are constructed."""
-    flow = Flow(model.at())
-    cycles = (Cycle(flow, n_periods, flow.contact(stop)) for stop in range(len(flow.beta)))
-    solutions = (solution for cycle in cycles for solution in of_one_impact(cycle)[0])
-    contracting = (one for one in solutions if abs(one[0].multipliers(one[1])[0]) < 1.0 and not far_beyond(*one))
-    orbits = [orbit for orbit in (make_orbit(model, *one) for one in contracting) if orbit.stable]
-    return sorted(orbits, key=lambda orbit: -max(orbit.velocities))
-
-
 def _of_one(model: Model, cycles: Iterable[Cycle]) -> Orbits:
     orbits, reasons = Orbits(), []
     for cycle in cycles:
-        solutions, why = of_one_impact(cycle)
+        solutions, why = _solutions(cycle)
         orbits += [make_orbit(model, *solution) for solution in solutions]
         if why:
             reasons.append((bool(solutions), f"{model.at().stop_names[cycle.events[0].stop]}: {why}"))
