@@ -28,6 +28,9 @@ SLOWER = 0.5  # of the fastest rate before: what is left must be that slow
 SKEWED = 100.0  # largest factor by which the projection on what is left may raise rounding
 AGES = 64  # doublings of the age, at most, up to which components decay
 TERMS = 14  # of a power series over one stride: 0.15^14/14! is below rounding
+# Of a product: of larger ones the threads of a linear algebra library take shares, and wait for one another. Response
+# curves of a beam took 2.5 times as long with another program beside them.
+ROWS = 8
 BISECTIONS = 60
 RESOLVED = float(np.finfo(float).eps)  # of a step: accuracy of the place of a minimum, whose value is flat there
 
@@ -132,7 +135,9 @@ class Samples(NamedTuple):
 
     def along(self, forms: Floats) -> Floats:
         """Return linear forms at all samples, one row per form."""
-        rows = self.coarse.T @ (forms @ self.fine).transpose(1, 2, 0)
+        fine = (forms @ self.fine).transpose(1, 2, 0)
+        parts = max(self.coarse.shape[1] // ROWS, 1)
+        rows = self.coarse.T.reshape(parts, -1, len(self.coarse)) @ fine[:, None]
         return rows.reshape(len(forms), len(self.fine) * self.coarse.shape[1])[:, : len(self.angles)]
 
     def at(self, forms: Floats, which: Counts) -> Floats:
