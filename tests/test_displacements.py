@@ -267,3 +267,15 @@ def test_without_a_driving_frequency_there_is_no_harmonic():
     mapped = vi.parameter_map(ball, ground_gap=[0.5, 1.0], indices=["mean", "harmonic_phase"], sample_impacts=20)
     assert "no frequency" in mapped["harmonic_phase"].attrs["no_value"]
     assert mapped["mean"].values == pytest.approx([-0.5, -1.0])
+
+
+@pytest.mark.parametrize("at_rest", [False, True])
+def test_a_motion_without_a_part_at_the_driving_frequency_has_no_phase(at_rest):
+    double = vi.Force(omega=1.3, harmonics={2: 1.0})
+    stop = vi.Stop(direction=1.0, gap=5.0)
+    faster = vi.ImpactSystem(mass=1.0, damping=0.1, stiffness=1.0, force=double, stops=[stop])
+    model = vi.ImpactOscillator(amplitude=0.0, damping=0.1, gap=5.0) if at_rest else faster
+    found = vi.parameter_map(model, omega=[1.2, 1.3], indices=["amplitude", "harmonic_amplitude", "harmonic_phase"])
+    assert (found["amplitude"] > 0.0).values.all() != at_rest
+    assert np.allclose(found["harmonic_amplitude"], 0.0, atol=1e-15)
+    assert found["harmonic_phase"].isnull().all()

@@ -110,10 +110,13 @@ def _reasons(sweep: xr.Dataset, field: xr.DataArray, values: Any) -> Iterator[tu
 
 def _without(field: xr.DataArray) -> str:
     """Return the reason why an index of a persistent motion has no value; that of one stop, if it is not struck."""
-    if field.name == "grazing_margin":
-        return "no near-miss"
-    if field.name == "max_force":
-        return "rigid stop"
+    reasons = {
+        "grazing_margin": "no near-miss",
+        "max_force": "rigid stop",
+        "harmonic_phase": "no part at the driving frequency",
+    }
+    if field.name in reasons:
+        return reasons[str(field.name)]
     return f"{field['stop'].item()} is not struck" if "stop" in field.coords else "no value"
 
 

@@ -14,6 +14,7 @@ from vibroimpact.backends.modal.sweep import layout_for, noted, room_for
 from vibroimpact.backends.one_mass import as_systems, resumed
 from vibroimpact.backends.scalar import Sweep, aligned
 from vibroimpact.cells import Cells
+from vibroimpact.indices import phase_of
 from vibroimpact.kernels.cell import FILLED, Cell
 from vibroimpact.kernels.cycle import UNREPEATED
 from vibroimpact.kernels.held import InMemory
@@ -166,11 +167,12 @@ def _indices(sums: Floats, step: Floats, by_stop: bool) -> dict[str, Any]:
     with np.errstate(divide="ignore", invalid="ignore"):
         mean, square, sine, cosine = sums[[swing.MEAN, swing.SQUARE, swing.SINE, swing.COSINE]] / sums[swing.LENGTH]
         strength = sums[SWING:] / sums[swing.LENGTH]
+    rms = np.sqrt(square)
     return {
         "amplitude": 0.5 * (sums[swing.LARGEST] - sums[swing.LEAST]),
-        "rms": np.sqrt(square),
+        "rms": rms,
         "mean": mean,
         "harmonic_amplitude": 2.0 * np.hypot(sine, cosine),
-        "harmonic_phase": np.arctan2(cosine, sine),
+        "harmonic_phase": phase_of(sine + 1j * cosine, rms),
         "rms_force": np.sqrt(strength if by_stop else strength.sum(axis=0)) / step**2,
     }

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroimpact.cells import Floats
+from vibroimpact.indices import phase_of
 from vibroimpact.model.modal import ModalForm
 from vibroimpact.model.points import observed
 from vibroimpact.model.system import ImpactSystem
@@ -38,7 +39,7 @@ class Response(NamedTuple):
         Mean over time.
     harmonic_amplitude, harmonic_phase : float
         Amplitude and phase of the part Y sin(wt + phase) at the driving frequency; the phase is in rad, -pi to pi, and
-        -pi/2 behind a force sin(wt) at phase resonance.
+        -pi/2 behind a force sin(wt) at phase resonance; it is NaN if the amplitude is below 1e-12 of the rms.
     """
 
     amplitude: float
@@ -64,7 +65,8 @@ def over(legs: Iterable[tuple[float, Leg]], form: Floats) -> Response:
     mean, square, harmonic = integrals / length
     phasor = 2j * harmonic  # y = Im(Y e^{i wt})
     rms = math.sqrt(max(square.real, 0.0))
-    return Response(float(0.5 * (highest - lowest)), rms, float(mean.real), float(abs(phasor)), float(np.angle(phasor)))
+    swing, phase = 0.5 * float(highest - lowest), float(phase_of(phasor, rms))
+    return Response(swing, rms, float(mean.real), float(abs(phasor)), phase)
 
 
 def _integrals(begin: float, samples: Samples, series: Floats) -> Any:
@@ -149,7 +151,7 @@ class Steady(NamedTuple):
         lowest, highest = extremes(mean, phasors, self.form.orders)
         first = complex(phasors[self.form.orders == 1].sum())
         rms = math.sqrt(mean**2 + 0.5 * float((np.abs(phasors) ** 2).sum()))
-        return Response(0.5 * (highest - lowest), rms, mean, abs(first), float(np.angle(first)))
+        return Response(0.5 * (highest - lowest), rms, mean, abs(first), float(phase_of(first, rms)))
 
 
 def steady_motion(system: ImpactSystem) -> Steady | None:
