@@ -270,3 +270,31 @@ def test_a_stable_orbit_of_a_system_is_a_motion_that_it_stays_on_and_an_inadmiss
                 assert later["velocity"].values == pytest.approx(orbit.velocities, rel=1e-6), system
     assert kept > 5
     assert penetrating > 2
+
+
+def test_of_several_impacts_only_admissible_orbits_are_listed_unless_a_guess_is_given():
+    """Symmetric orbits of two impacts are known in closed form, also those that penetrate a stop in between."""
+    tube = vi.models.tube_in_supports()
+    assert len(vi.find_orbit(tube, symmetric=True)) == 2
+    found = vi.find_orbit(tube, n_impacts=2)
+    assert (list(found), found.outcome) == ([], "none")
+    assert found.message.startswith("2 symmetric orbits found, but inadmissible; the motion from rest")
+    some = 0
+    for seed in range(12):
+        rng = np.random.default_rng([77, seed])
+        system = two_sided(rng.uniform(0.6, 3.0), gap=rng.uniform(0.05, 1.5))
+        orbits = vi.find_orbit(system, n_impacts=2)
+        assert all(orbit.admissible for orbit in orbits)
+        some += len(orbits)
+    assert some > 3
+
+
+@pytest.mark.parametrize("late", [3000, 50_000])
+def test_the_times_of_a_guess_may_be_late(late):
+    system = two_sided().replace(below_gap=0.3)
+    orbit = vi.find_orbit(system, n_impacts=2)[0]
+    times = (np.array(orbit.turns) + late) * system.period
+    (again,) = vi.find_orbit(system, stops=orbit.stops, near=times)
+    assert again.turns[0] < 1.0
+    for name in ("phases", "velocities"):
+        assert getattr(again, name) == pytest.approx(getattr(orbit, name), rel=1e-13)

@@ -24,7 +24,7 @@ from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orb
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Orbit, family_of, phases_of
 from vibroimpact.orbits.results import Guess, Orbits, Solution, ordered, reached
-from vibroimpact.parameters import invalid, real_number
+from vibroimpact.parameters import counted, invalid, real_number
 
 
 def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits:
@@ -138,11 +138,11 @@ def _anywhere(model: Model, cycle: Cycle) -> Orbits:
     virtual = len(orbits) - len(real)
     if real:
         return Orbits(real, message=orbits.message)
-    message = f"no initial guess converged to a {cycle.name} orbit"
+    message = f"no initial guess converged to {'an admissible' if virtual else 'a'} {cycle.name} orbit"
     if others:
         message += f"; some converged to {' or '.join(other.name for other in others)} orbits"
     if virtual:
-        message += f"; {virtual} solution{'s' if virtual > 1 else ''} inadmissible (penetrating the stop)"
+        message += f"; {counted(virtual, 'solution')} inadmissible (penetrating the stop)"
     return Orbits(outcome="other_name" if others else "none", message=message)
 
 

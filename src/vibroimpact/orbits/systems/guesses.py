@@ -49,6 +49,7 @@ def beginning(
     else:
         times = several("near", guess.near, "an orbit or times")
         angles = flow.omega * np.array([real_number(f"near[{i}]", time) for i, time in enumerate(times)])
+        angles -= TURN * np.floor(angles[:1] / TURN)  # rounding of later angles would stay in the solution
     if len(angles) != len(stops):
         raise invalid("near", guess.near, f"one time for each of the {len(stops)} stops struck")
     length = TURN * n_periods * (0.5 if images else 1.0)

@@ -30,7 +30,7 @@ from vibroimpact.orbits.systems.guesses import beginning, traced
 from vibroimpact.orbits.systems.one_contact import one_contact
 from vibroimpact.orbits.systems.orbit import make_orbit
 from vibroimpact.orbits.systems.sticking import find_sticking
-from vibroimpact.parameters import invalid
+from vibroimpact.parameters import counted, invalid
 
 # Transient impacts of the motion from rest before the guess for Newton's method; the second number, as in verdicts, is
 # used if no cycle is reached after the first.
@@ -127,10 +127,11 @@ def _of_one(model: Model, cycles: Iterable[Cycle]) -> Orbits:
 
 
 def _anywhere(model: Model, n_periods: int, n_impacts: int) -> Orbits:
-    """Return the symmetric orbits with two impacts, and the orbit to which the motion from rest settles."""
-    orbits: list[Orbit] = []
+    """Return the admissible symmetric orbits with two impacts, and that to which the motion from rest settles."""
+    symmetric = Orbits()
     if n_impacts == 2 and n_periods % 2 and not mirror(model.at())[1]:
-        orbits += striking(model, n_periods, symmetric=True)
+        symmetric = striking(model, n_periods, symmetric=True)
+    orbits = [orbit for orbit in symmetric if orbit.admissible]
     orbits += [
         orbit for orbit in settled(model, n_periods, n_impacts) if not any(same_orbit(orbit, other) for other in orbits)
     ]
@@ -138,7 +139,8 @@ def _anywhere(model: Model, n_periods: int, n_impacts: int) -> Orbits:
     if orbits:
         return ordered(orbits)
     tried = f"does not settle to a {cycle_name(n_periods, n_impacts)} orbit within {TRANSIENTS[-1]} impacts"
-    return Orbits(outcome="none", message=f"the motion from rest {tried}; give `near`")
+    beside = f"{counted(len(symmetric), 'symmetric orbit')} found, but inadmissible; " if symmetric else ""
+    return Orbits(outcome="none", message=f"{beside}the motion from rest {tried}; give `near`")
 
 
 def from_near(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits:
