@@ -52,7 +52,7 @@ def orbits_dataset(orbits: Orbits, model: Model, arguments: Mapping[str, Any]) -
 
 
 def _struck(orbits: Orbits, p: int, design: Any) -> dict[str, xr.Variable]:
-    """Return what impacts come to, and the times and stops of those of a system."""
+    """Return the effects of impacts, and the times and stops of those of a system."""
     dims, begins = ("orbit", "impact"), [np.multiply(orbit.turns, orbit.oscillator.period) for orbit in orbits]
 
     def column(name: str) -> xr.Variable:

@@ -111,10 +111,10 @@ def state_of(near: Any, design: Any) -> Any:
     if function not in SECTIONS:
         what = f"a Dataset of {function}" if function else "another Dataset"
         raise ValueError(f"`near` must be an orbit, an attractor, a State, a section or a simulation, got {what}")
-    own: Any = model_of(near)
-    if own.coordinates != design.coordinates:
+    source: Any = model_of(near)
+    if source.coordinates != design.coordinates:
         wanted = counted(design.coordinates, "coordinate")
-        raise ValueError(f"`near` must be a motion with {wanted}, got one with {own.coordinates}")
+        raise ValueError(f"`near` must be a motion with {wanted}, got one with {source.coordinates}")
     if function != "impact_section":
         last = [near[name].values[-1:] for name in ("displacement", "velocity", "time")]
     elif design.forgets:
@@ -126,14 +126,14 @@ def state_of(near: Any, design: Any) -> Any:
         arguments = json.loads(near.attrs["arguments"])
         window = ImpactWindow(arguments["transient_impacts"], arguments["sample_impacts"])
         samples: Any
-        (samples,) = get_backend("cpu").samples(own.cells({}, start_of(near)), Measurement(window))
-        time = [samples.last_phase * own.period][: near.sizes["impact"]]
+        (samples,) = get_backend("cpu").samples(source.cells({}, start_of(near)), Measurement(window))
+        time = [samples.last_phase * source.period][: near.sizes["impact"]]
         last = [np.array([samples.last_displacement]), np.array([samples.last_velocity]), time]
     if not len(last[2]):
         raise ValueError(
             f"`near` must be a motion that strikes a stop, got a result of {function} with none in its window"
         )
-    return State(last[0][0], last[1][0], float(last[2][0]) % own.period * design.period / own.period)
+    return State(last[0][0], last[1][0], float(last[2][0]) % source.period * design.period / source.period)
 
 
 def orbit_near(model: Model, state: State) -> Orbits:

@@ -209,7 +209,7 @@ def _what(cycle: Cycle) -> str:
 
 
 def not_isolated(cycle: Cycle, null: Floats, driven: bool) -> str:
-    """Return why orbits are not isolated, or do not exist, when a free motion can be added to each."""
+    """Return the reason why orbits are not isolated, or do not exist, when a free motion can be added to each."""
     flow, x = cycle.flow, null[:-1]
     if abs(null[-1]) > 1e-8:
         if driven:

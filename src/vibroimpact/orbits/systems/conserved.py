@@ -103,11 +103,11 @@ class Member:
     def orbit(self, system: ImpactSystem) -> Orbit:
         """Return the orbit, whose system has its frequency."""
         slow, p, shrink = self.cycle.flow, len(self.cycle.events), TURN / float(self.z[-2])
-        own = system.replace(omega=shrink * slow.omega)
-        flow = Flow(own)
+        slowed = system.replace(omega=shrink * slow.omega)
+        flow = Flow(slowed)
         state = np.linalg.solve(flow.physical, slow.physical @ self.z[p:-2])
         cycle = FreeCycle(flow, 1, self.cycle.events, self.cycle.images, self.cycle.pushing)
-        return make_orbit(own, cycle, np.append(shrink * self.z[:p], state))
+        return make_orbit(slowed, cycle, np.append(shrink * self.z[:p], state))
 
 
 def _side(others: tuple[complex, ...]) -> float:

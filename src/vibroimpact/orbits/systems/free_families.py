@@ -120,13 +120,13 @@ def _near(one: Member, other: Member) -> bool:
 
 
 def simultaneous(names: Sequence[str], one: int, other: int) -> str:
-    """Return why a motion that reaches two stops at the same time is not followed."""
+    """Return the reason why a motion that reaches two stops at the same time is not followed."""
     pair = f"{names[one]!r} and {names[other]!r}"
     return f"{pair} are struck at the same instant, and the motion after that depends on their order"
 
 
 def ended(last: Member, beyond: Member | None) -> tuple[str, str]:
-    """Return why no orbit was found after the last one, as an outcome and in words; `beyond` is the solution there."""
+    """Return the outcome of a search that found no orbit after the last one, and its reason; `beyond` is the solution there."""
     cycle, unknown, names = last.at, last.unknown, last.cycle.flow.names
     apart, stops, number = np.diff(cycle.angles(unknown)), [event.stop for event in cycle.events], len(cycle.events)
     light = [

@@ -115,18 +115,20 @@ def retraced(cycle: FreeCycle, z: Floats) -> tuple[FreeCycle, Floats] | None:
     old, unknown, cycle = cycle.events, z[:-2], replace(cycle, span=float(z[-2]))
     leg, n = cycle.leg(unknown, len(old) - 1), 2 * cycle.flow.n
     x = cycle.sign * cycle.flow.fly(leg.start[:n], 0.0, 0.5 * leg.duration, leg.pushing)
-    seen = list(islice(occurrences(cycle.flow, x, 0.0, leg.duration + 1.05 * cycle.length), 4 * len(old) + 12))
-    starts = [at for at, o in enumerate(seen) if o.event == old[0] and o.angle <= leg.duration]
+    met = list(islice(occurrences(cycle.flow, x, 0.0, leg.duration + 1.05 * cycle.length), 4 * len(old) + 12))
+    starts = [at for at, o in enumerate(met) if o.event == old[0] and o.angle <= leg.duration]
     if not starts:
         return None
-    begin = min(starts, key=lambda at: float(np.abs(seen[at].x - unknown[len(old) :]).max()))
-    first = seen[begin]
+    begin = min(starts, key=lambda at: float(np.abs(met[at].x - unknown[len(old) :]).max()))
+    first = met[begin]
     back = first.event.in_mirror(cycle.images) if cycle.images else first.event
     end = first.angle + cycle.length
     again = min(
-        (at for at, o in enumerate(seen) if o.event == back), key=lambda at: abs(seen[at].angle - end), default=0
+        (at for at, o in enumerate(met) if o.event == back),
+        key=lambda at: abs(met[at].angle - end),
+        default=0,
     )
-    events = seen[begin:again]
+    events = met[begin:again]
     if not events:
         return None
     new = replace(cycle, events=tuple(o.event for o in events), pushing=first.pushing)

@@ -80,7 +80,7 @@ def _integrals(begin: float, samples: Samples, series: Floats) -> Any:
 
 
 def response_of(orbit: Any, *, of: Any = None) -> Response:
-    """Return how far a point or a coordinate swings on a periodic orbit.
+    """Return amplitude, mean, rms and harmonic of a point or a coordinate on a periodic orbit.
 
     Parameters
     ----------

@@ -65,8 +65,8 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits:
     carrier, name = Carrier(system.cells({}), Tolerances()), cycle_name(n_periods, -1)
     try:
         if guess.state is None:
-            seen = _settled(system)
-            state = State(seen.look_displacement[0], seen.look_velocity[0], seen.look_phase[0] * system.period)
+            samples = _settled(system)
+            state = State(samples.look_displacement[0], samples.look_velocity[0], samples.look_phase[0] * system.period)
         else:
             state = guess.state
         if guess.sticks:  # at the same phase, at which there are no events
