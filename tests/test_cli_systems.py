@@ -159,7 +159,7 @@ def test_a_branch_that_rests_is_followed_to_its_end(run, tmp_path):
         (f"section {OWN} --start 0.1,0:0", "`displacement` and `velocity` must have the same length"),
         (f"section {OWN} --start 0.1,0:0,0:0:1", "`--start` must be Q,Q:V,V:T"),
         (f"section {OWN} --start 0.1,a:0,0", "`displacement` must be a finite number, got 'a'"),
-        (f"section {OWN} --backend reference", "`backend` 'reference' takes only one mass"),
+        (f"section {OWN} --backend fixed-step", "`backend` 'fixed-step' takes only one mass"),
         ("section --model two_sided_oscillator -p left_gap=-1", "`stops` 'left' and 'right' overlap"),
         (f"orbit {OWN} --stops bar,bar", "orbits of several impacts need a guess"),
         (f"orbit {OWN} --stops bar --impacts 1", "give either `--impacts` or the stops that are struck, not both"),

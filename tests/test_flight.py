@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from numba import njit
 
-from vibroimpact.backends.reference.flight import FreeMotion, State
+from vibroimpact.backends.reference.events import Moment
+from vibroimpact.backends.reference.phases import Equations, LinearSystem, exponential
+from vibroimpact.backends.reference.stops import RigidStop
+from vibroimpact.backends.reference.walk import Walk
 from vibroimpact.kernels.cell import Cell, pair_of, phase_of, prepare
 from vibroimpact.kernels.flight import REACH, evaluate, rotate, series, sine_cosine
 from vibroimpact.kernels.leaps import leaps_of
@@ -85,9 +88,10 @@ def test_the_constants_of_the_tail_bound_hold_at_this_reach():
     assert sum(3.0**i * math.factorial(7) / math.factorial(7 + i) for i in range(60)) <= 1.56
 
 
-def free_motion(**changes):
-    defaults = {"mass": 1.0, "damping": 0.01, "stiffness": 1.0, "amplitude": 1.0, "omega": 2.0, "gap": 0.0}
-    return FreeMotion(**(defaults | changes))
+def free_motion(mass=1.0, damping=0.01, stiffness=1.0, amplitude=1.0, omega=2.0, gap=0.0):
+    one = np.ones((1, 1))
+    wave, stop = {1: np.array([amplitude + 0j])}, RigidStop(one[0], gap, 0.8)
+    return Equations(LinearSystem(mass * one, damping * one, stiffness * one, omega, np.zeros(1), wave, (stop,)))
 
 
 @pytest.mark.parametrize("name", ["under", "critical", "over", "resonant_c0", "near_resonant", "stiff"])
@@ -95,15 +99,18 @@ def test_a_flight_of_the_witness_is_exact_to_rounding_at_any_damping_and_at_reso
     flow = values["flow_values"][name]
     m, c, k, f, w = map(float, flow["m_c_k_f_w"])
     y, v = map(float, flow["y_v"])
-    free = free_motion(mass=m, damping=c, stiffness=k, amplitude=f, omega=w, gap=0.5)
-    clearance, velocity = free.after(State(0.8, 0.4, 0.0, 0.2 * w / (2 * math.pi)), np.array([1.7]))
-    assert 0.5 - clearance[0] == pytest.approx(y, abs=1e-14)
-    assert velocity[0] == pytest.approx(v, abs=1e-14 * math.sqrt(k / m) + 1e-14)
+    free = free_motion(mass=m, damping=c, stiffness=k, amplitude=f, omega=w, gap=STOP)
+    x = Walk(free, Moment.of(free, 0.0, 0.2 * w / (2 * math.pi), [-0.3], [0.4]), 0.0).vector()
+    end = free.phase(()).moved(x, 1.7)
+    assert end[0] == pytest.approx(y, abs=1e-14)
+    assert STOP - end[2] == pytest.approx(y, abs=1e-14)
+    assert end[1] == pytest.approx(v, abs=1e-14 * math.sqrt(k / m) + 1e-14)
 
 
 @pytest.mark.parametrize("tau", [1e-12, 1e-6, 1e-2])
 def test_short_flights_keep_the_relative_accuracy_of_every_part(tau):
-    grown = free_motion().propagators([tau])[0]
-    # u from u', from the force and from its rate: tau, -tau^2/2, -tau^3/6, next order relative 0.01 tau or less.
-    parts = grown[0, 1] / tau, -2 * grown[0, 2] / tau**2, -6 * grown[0, 3] / tau**3
+    free = free_motion()
+    grown = exponential(free.phase(()).matrix, tau)
+    # u from u', from sin wt and from cos wt: tau, -tau^2/2, -w tau^3/6, next order relative 0.01 tau or less.
+    parts = grown[2, 3] / tau, -2 * grown[2, 5] * free.length / tau**2, -3 * grown[2, 6] * free.length / tau**3
     assert parts == pytest.approx([1, 1, 1], rel=1e-15 + 0.005 * tau + tau**2)

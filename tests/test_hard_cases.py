@@ -40,6 +40,7 @@ ENDINGS = [
 OTHERWISE = {
     ("engine", "no force, gap, losses only at the stop"): "ok",
     ("engine of systems", "no force, gap, losses only at the stop"): "ok",
+    ("witness", "no force, gap, losses only at the stop"): "ok",
     ("engine of systems", "no force, no gap, moving"): "stuck_forever",
     ("engine of systems", "no force, no gap, creeping back"): "budget",
 }

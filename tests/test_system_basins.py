@@ -311,7 +311,7 @@ PLANE = {"displacement_0": [0.0, 0.1], "velocity_1": [0.0, 0.1]}
             {"displacement_1": [0.0, 9.0], "velocity_1": [0.0]},
             "displacement_1 = 9 and velocity_1 = 0 lies beyond 'right'",
         ),
-        (PLANE | {"backend": "reference"}, "`backend` 'reference' takes only one mass"),
+        (PLANE | {"backend": "fixed-step"}, "`backend` must be one that computes n_periods and n_impacts"),
     ],
 )
 def test_a_wrong_request_is_refused_in_one_sentence(axes, message):

@@ -80,7 +80,7 @@ def test_a_motion_is_carried_to_every_kind_of_end():
     [
         ({"coordinate": 2}, "`coordinate` must be less than the number of coordinates, 2, got 2"),
         ({"coordinate": -1}, "`coordinate` must be a whole number >= 0"),
-        ({"backend": "reference"}, "`backend` 'reference' takes only one mass"),
+        ({"backend": "fixed-step"}, "`backend` 'fixed-step' takes only one mass"),
     ],
 )
 def test_a_diagram_refuses_what_systems_have_not(more, words):

@@ -98,12 +98,14 @@ def compare(osc, start):
     (ours,), (theirs,) = (
         get_backend(name).samples(cells, Measurement(window, limits)) for name in ("cpu", "reference")
     )
-    weak = np.flatnonzero(theirs.impact_velocity < WEAK * osc.velocity_scale)
+    weak = [np.flatnonzero(code.impact_velocity < WEAK * osc.velocity_scale) for code in (ours, theirs)]
+    weak = np.sort(np.concatenate(weak))
     sure = weak[0] if weak.size else len(theirs.impact_velocity)
     if not weak.size:
         assert len(ours.impact_velocity) == len(theirs.impact_velocity)
-        assert ours.status == theirs.status
-    assert len(ours.impact_velocity) >= sure
+        # Where the steady motion just touches the stop, rounding decides whether that is known to be out of reach.
+        assert ours.status == theirs.status or math.isclose(osc.steady_amplitude, osc.gap, rel_tol=1e-12)
+    assert min(len(ours.impact_velocity), len(theirs.impact_velocity)) >= sure
     if not sure:
         return
     allowed = BASE * error_growth(osc, start, theirs)[:sure]

@@ -19,7 +19,7 @@ from vibroimpact.backends.base import (
 )
 from vibroimpact.backends.one_mass import OfOneMass
 from vibroimpact.cells import Cells
-from vibroimpact.indices import ALL, DISPLACEMENTS, FORCES, INDICES, check_indices, without_value
+from vibroimpact.indices import ALL, DISPLACEMENTS, EVERY, FORCES, check_indices, without_value
 from vibroimpact.model import Model, as_system
 from vibroimpact.model.points import observed
 from vibroimpact.parameters import choice, unknown
@@ -121,5 +121,5 @@ def check_known(indices: Iterable[str], backend: Backend, model: Model) -> None:
         raise ValueError(reasons[0])
     for name, reason in zip(names, reasons, strict=True):
         if not reason and not _computes(backend, name):
-            known = ", ".join(index for index in INDICES if index in backend.known_indices)
+            known = ", ".join(index for index in EVERY if _computes(backend, index))
             raise ValueError(f"`backend` {backend.name!r} does not compute the index {name!r}, only {known}")

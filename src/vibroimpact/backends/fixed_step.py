@@ -15,7 +15,7 @@ last sample.
 from __future__ import annotations
 
 import math
-from dataclasses import astuple
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,6 @@ from vibroimpact.backends.base import (
     energy_loss,
 )
 from vibroimpact.backends.one_by_one import SAMPLE_INDICES, OneByOne, impact_indices
-from vibroimpact.backends.reference.flight import FreeMotion, State
 from vibroimpact.kernels.march import march
 from vibroimpact.options import Tolerances
 from vibroimpact.parameters import SMALLEST, invalid, real_number
@@ -37,6 +36,36 @@ from vibroimpact.status import Status, window_status
 TIME_STEP = 0.0005
 _ROOM = 4096  # steps and impacts between two tests of whether the motion has ended
 _MARCH = 1 << 24  # steps per call, about 0.1 s, between checks for an interrupt
+
+
+@dataclass(frozen=True)
+class State:
+    """Distance to the stop u = g - y in m, velocity y' in m/s, time (periods + phase) T."""
+
+    clearance: float
+    velocity: float
+    periods: float
+    phase: float
+
+
+class FreeMotion:
+    """The motion of one oscillator away from its stop, y'' + c/m y' + k/m y = f/m sin wt."""
+
+    def __init__(
+        self, *, mass: float, damping: float, stiffness: float, amplitude: float, omega: float, gap: float
+    ) -> None:
+        self.damp, self.stiff, self.drive = damping / mass, stiffness / mass, amplitude / mass
+        self.omega, self.gap, self.period = omega, gap, 2.0 * math.pi / omega
+        self.natural = math.sqrt(self.stiff)
+
+    def never_again(self, state: State) -> bool:
+        """Whether the stop stays out of reach: R + sqrt(z^2 + (m/k) z'^2) < g, with z = y - steady motion."""
+        impedance = self.stiff - self.omega**2 + 1j * self.damp * self.omega
+        if impedance == 0.0 or self.gap <= 0.0:
+            return False
+        steady = self.drive / impedance * np.exp(2j * math.pi * state.phase)
+        z, dz = self.gap - state.clearance - steady.imag, state.velocity - self.omega * steady.real
+        return bool(abs(steady) + math.hypot(z, dz / self.natural) < self.gap)
 
 
 class Run:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vibroimpact.backends.reference.phases import Phase
+from vibroimpact.backends.reference.phases import Equations, Phase
 from vibroimpact.backends.reference.pushes import Push
 from vibroimpact.backends.reference.stops import Floats
 
@@ -24,6 +24,14 @@ class Moment:
     velocity: Floats
     clearance: Floats
     rate: Floats
+
+    @classmethod
+    def of(cls, eq: Equations, periods: float, phase: float, displacement: ArrayLike, velocity: ArrayLike) -> Moment:
+        """Return the state of given coordinates and velocities."""
+        q, v, basis = np.array(displacement, float), np.array(velocity, float), eq.basis(phase)
+        return cls(
+            periods, phase, q, v, eq.places @ basis - eq.directions @ q, eq.stop_rates(basis) - eq.directions @ v
+        )
 
     def later(self, turns: float) -> tuple[float, float]:
         """Return periods and phase a number of driving periods later."""
@@ -40,8 +48,8 @@ class Event:
     ----------
     kind : "impact", "stick" or "release"
         The stop is struck, or begins to push; it closes for some time; it opens.
-    time, phase : float
-        In s, and (t mod T)/T.
+    time, periods, phase : float
+        In s; whole driving periods, and (t mod T)/T.
     stop : int
         Its index.
     velocity, impulse : float
@@ -49,6 +57,10 @@ class Event:
     energy_lost, peak_force, penetration, contact_time : float
         For an impact: the energy lost at this stop in J and, for a compliant stop, the peak force in N, the penetration
         in m and the contact time in s, up to the present if the contact is unfinished.
+    exit, exit_velocity : float
+        For an impact: the time in s from it to the end of its force, and the rate of the clearance then in m/s.
+    peak, deepest : float
+        For an impact on a compliant stop: the times in s from it to the largest force and penetration.
     impulses : tuple of float
         For an impact: the impulses of all stops at this instant; a closed stop has one, too.
     simultaneous : bool
@@ -59,6 +71,7 @@ class Event:
 
     kind: Literal["impact", "stick", "release"]
     time: float
+    periods: float
     phase: float
     stop: int
     velocity: float = 0.0
@@ -67,12 +80,17 @@ class Event:
     peak_force: float = 0.0
     penetration: float = 0.0
     contact_time: float = 0.0
+    exit: float = 0.0
+    exit_velocity: float = 0.0
+    peak: float = 0.0
+    deepest: float = 0.0
     impulses: tuple[float, ...] = ()
     simultaneous: bool = False
     closed: tuple[int, ...] = ()
 
-    def after(self, push: Push) -> Event:
-        """Return the event updated by the later action of the stop."""
+    def after(self, push: Push, since: float) -> Event:
+        """Return the event updated by a later push of the stop, which began `since` the impact, in s."""
+        harder, deeper = push.peak_force > self.peak_force, push.penetration > self.penetration
         return replace(
             self,
             impulse=self.impulse + push.impulse,
@@ -80,7 +98,25 @@ class Event:
             peak_force=max(self.peak_force, push.peak_force),
             penetration=max(self.penetration, push.penetration),
             contact_time=self.contact_time + push.contact_time,
+            exit=since + push.contact_time,
+            exit_velocity=push.rate,
+            peak=since + push.peak if harder else self.peak,
+            deepest=since + push.deepest if deeper else self.deepest,
         )
+
+
+class Flight(NamedTuple):
+    """The motion between two events: where it began, its phase and X there, how long it took in s, and X at its end.
+
+    `event` is the row whose product with X vanishes there, if that is what ended it.
+    """
+
+    begin: Moment
+    phase: Phase
+    x: Floats
+    time: float
+    end: Floats
+    event: Floats | None
 
 
 @dataclass(frozen=True)

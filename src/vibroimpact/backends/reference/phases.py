@@ -29,7 +29,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from vibroimpact.backends.reference.flight import sine_cosine
 from vibroimpact.backends.reference.stops import Floats, Stop
 
 Which = NDArray[np.intp]
@@ -79,8 +78,9 @@ class Equations:
     """The matrices of a system, and its phases."""
 
     def __init__(self, system: LinearSystem) -> None:
-        self.mass, self.omega = np.array(system.mass, float), float(system.omega)
-        self.period = 2.0 * math.pi / self.omega
+        self.mass, self.damping, self.stiffness = system.mass, system.damping, system.stiffness
+        self.omega = float(system.omega)
+        self.constant, self.period = system.constant, 2.0 * math.pi / self.omega
         self.n, self.s = len(self.mass), len(system.stops)
         self.directions = np.array([stop.direction for stop in system.stops], float).reshape(self.s, self.n)
         self.stops = system.stops
@@ -132,6 +132,11 @@ class Equations:
         """Return r of every stop for the given rate of its clearance before an impact."""
         speeds = np.maximum(-rates, 0.0)
         return np.array([stop.ratio(float(v)) for stop, v in zip(self.stops, speeds, strict=True)], float)
+
+    def sensitivity(self, rates: Floats) -> Floats:
+        """Return d(r v)/dv of every stop for the given rate of its clearance before an impact."""
+        speeds = np.maximum(-rates, 0.0)
+        return np.array([stop.sensitivity(float(v)) for stop, v in zip(self.stops, speeds, strict=True)], float)
 
     def phase(self, held: tuple[int, ...], pushing: tuple[int, ...] = ()) -> Phase:
         """Return the (cached) phase in which given rigid stops are held closed and given compliant ones push."""
@@ -187,6 +192,41 @@ class Phase:
             terms.append(self.matrix @ terms[-1] / k)
         return np.array(terms)
 
+    def strides(self, x: Floats, time: float) -> tuple[Floats, Floats]:
+        """Return X at the beginnings of strides over a time from x, at most a block, and their lengths."""
+        count = max(1, math.ceil(time / self.stride))
+        lengths = np.full(count, self.stride)
+        lengths[-1] = time - (count - 1) * self.stride
+        return np.concatenate([x[None], self.block @ x])[:count], lengths
+
+    def states(self, x: Floats, times: Floats) -> Floats:
+        """Return X at times from x, at most a block, one row each."""
+        grid = np.concatenate([x[None], self.block @ x])
+        whole = np.minimum((times / self.stride).astype(int), BLOCK)
+        rest = (times - whole * self.stride)[:, None] ** self.powers
+        states: Floats = np.einsum("tp,ptx->tx", rest, np.swapaxes(self.series(grid[whole].T), 1, 2))
+        return states
+
+    def dips(self, x: Floats, time: float, end: Floats, stops: Which) -> Floats:
+        """Return the least minimum of the clearance of each stop over a time from x to X = `end`; infinite if none.
+
+        Its rate rises through zero there: between two strides, or where the rate itself turns within one.
+        """
+        least = np.full(len(self.rows[CLEARANCE]), np.inf)
+        starts, lengths = self.strides(x, time)
+        states = np.concatenate([starts, end[None]])
+        for j in stops:
+            _, rate, bend = self.rows[CLEARANCE, j] @ states.T
+            rises, turns = (rate[:-1] < 0.0) & (rate[1:] >= 0.0), bend[:-1] * bend[1:] < 0.0
+            for i in np.flatnonzero(rises | turns):
+                coefficients = self.rows[CLEARANCE, j] @ self.series(starts[i]).T
+                u, w, b = (self._function(each) for each in coefficients)
+                for low, high in pairwise(_with_roots(b, [0.0, lengths[i]])):
+                    if w(low) < 0.0 <= w(high):
+                        at = _with_roots(w, [low, high])[1]
+                        least[j] = min(least[j], max(u(at), 0.0))
+        return least
+
     @cached_property
     def block(self) -> Floats:
         """Propagators over 1 ... BLOCK strides, in extended precision because their errors recur in each block."""
@@ -229,7 +269,7 @@ class Phase:
         `watched` holds the quantities, each with a time up to which it is certainly positive.
         """
         states = np.concatenate([x[None], self.block @ x])
-        count = min(BLOCK, math.ceil(longest / self.stride))
+        count = math.ceil(min(longest / self.stride, BLOCK))
         index = list(watched)
         kinds, stops = np.array(index, int).reshape(-1, 2).T
         value, rate, bend = np.einsum("tk,mok->omt", states, self.rows[kinds, stops])
@@ -251,15 +291,14 @@ class Phase:
         whole = BLOCK * self.stride
         return (whole, states[-1], []) if longest >= whole else (longest, self.moved(x, longest), [])
 
+    def _function(self, coefficients: Floats) -> Callable[[float], float]:
+        """Return the function of time that a power series is."""
+        return lambda time: float(coefficients @ time**self.powers)
+
     def _first_zero(self, rows: Floats, x: Floats, begin: float) -> float | None:
         """Return the time at which a value falls through zero within a stride: brackets its extrema, then its root."""
-        coefficients = rows @ self.series(x).T
-
-        def derivative(order: int) -> Callable[[float], float]:
-            return lambda time: float(coefficients[order] @ time**self.powers)
-
-        value = derivative(0)
-        knots = _with_roots(derivative(1), _with_roots(derivative(2), [begin, self.stride]))
+        value, rate, bend = (self._function(each) for each in rows @ self.series(x).T)
+        knots = _with_roots(rate, _with_roots(bend, [begin, self.stride]))
         for low, high in pairwise(knots):
             if value(high) <= 0.0:
                 if value(low) <= 0.0:
@@ -269,6 +308,14 @@ class Phase:
                 high = min(high, 2.0 * low) if low > 0.0 and value(min(high, 2.0 * low)) <= 0.0 else high
                 return float(brentq(value, low, high, xtol=1e-300, rtol=ROUNDING, maxiter=2000))
         return None
+
+
+def sine_cosine(phase: float) -> tuple[float, float]:
+    """Return sin and cos of 2 pi phase, exact at the quarters of a turn."""
+    quarter = round(4.0 * phase)
+    angle = 2.0 * math.pi * (phase - 0.25 * quarter)
+    s, c = math.sin(angle), math.cos(angle)
+    return ((s, c), (c, -s), (-s, -c), (-c, s))[quarter % 4]
 
 
 def exponential(matrix: Real, time: float, strides: float = 1.0) -> Real:

@@ -1,8 +1,7 @@
-"""Effects of compliant stops while they push: impulse, peak force, contact time, penetration and energy lost."""
+"""Effects of stops while they push or are held: impulse, peak force, contact time, penetration and energy lost."""
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,9 +10,8 @@ from scipy.optimize import brentq
 from vibroimpact.backends.reference.phases import CLEARANCE, FORCE, NEARLY, TERMS, Phase
 from vibroimpact.backends.reference.stops import Floats
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(
-    12
-)  # quadrature over a stride, exact to rounding even for the product of two series
+# Quadrature over a stride, exact to rounding even for the product of two series.
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
 class Push(NamedTuple):
@@ -25,6 +23,10 @@ class Push(NamedTuple):
         Integrals of F in N s and of F d' in J, d = -u.
     peak_force, penetration, contact_time : float
         The largest F in N and d in m, and the duration in s.
+    peak, deepest : float
+        The times of the largest F and d, in s from the beginning.
+    rate : float
+        The rate of the clearance at the end, in m/s.
     """
 
     impulse: float
@@ -32,38 +34,51 @@ class Push(NamedTuple):
     peak_force: float
     penetration: float
     contact_time: float
+    peak: float
+    deepest: float
+    rate: float
 
 
 def pushes(phase: Phase, x: Floats, time: float) -> dict[int, Push]:
-    """Return the effect of each pushing stop in a phase over a time from x, at most a block."""
-    count = max(1, math.ceil(time / phase.stride))
-    states = np.concatenate([x[None], phase.block @ x])[:count]
-    lengths = np.full(count, phase.stride)
-    lengths[-1] = time - (count - 1) * phase.stride
+    """Return the effect of each stop that pushes or is held in a phase over a time from x, at most a block."""
+    if not phase.pushing and not phase.held:
+        return {}
+    states, lengths = phase.strides(x, time)
     series = phase.series(states.T)  # (powers of time, X, strides)
     powers = (lengths[:, None] * (1.0 + NODES) / 2.0)[..., None] ** np.arange(TERMS)
     weights = lengths[:, None] * WEIGHTS / 2.0
     work = {}
-    for j in phase.pushing:
+    for j in (*phase.pushing, *phase.held):
         force = np.einsum("x,pxi->ip", phase.rows[FORCE, j, 0], series)
         clearance, rate = np.einsum("ox,pxi->oip", phase.rows[CLEARANCE, j, :2], series)
         at = np.einsum("ip,inp->in", force, powers) * weights
         lost = -at * np.einsum("ip,inp->in", rate, powers)
-        work[j] = Push(
-            float(at.sum()), float(lost.sum()), _largest(force, lengths), _largest(-clearance, lengths), time
-        )
+        (peak, largest), (deepest, depth) = _largest(force, lengths), _largest(-clearance, lengths)
+        leaves = float(rate[-1] @ lengths[-1] ** np.arange(TERMS))
+        work[j] = Push(float(at.sum()), float(lost.sum()), largest, depth, time, peak, deepest, leaves)
     return work
 
 
-def _largest(series: Floats, lengths: Floats) -> float:
-    """Return the largest value of a function given by its power series over successive intervals."""
+def drained(phase: Phase, damping: Floats, x: Floats, time: float) -> float:
+    """Return the energy in J that dampers C take in a phase over a time from x: the integral of q' . C q'."""
+    states, lengths = phase.strides(x, time)
+    n = len(damping)
+    powers = (lengths[:, None] * (1.0 + NODES) / 2.0)[..., None] ** np.arange(TERMS)
+    v = np.einsum("pxi,inp->inx", phase.series(states.T)[:, n : 2 * n], powers)
+    power = np.einsum("inx,xy,iny->in", v, damping, v)
+    return float((power * lengths[:, None] * WEIGHTS / 2.0).sum())
+
+
+def _largest(series: Floats, lengths: Floats) -> tuple[float, float]:
+    """Return where a function is largest, and its value there, from its power series over successive intervals."""
     order = np.arange(TERMS)
     slopes = series[:, 1:] * order[1:]
-    ends = np.einsum("ip,ip->i", series, lengths[:, None] ** order)
+    begins, ends = np.cumsum(lengths) - lengths, np.einsum("ip,ip->i", series, lengths[:, None] ** order)
     falls = np.einsum("ip,ip->i", slopes, lengths[:, None] ** order[:-1])
-    best = max(float(series[0, 0]), float(ends.max()))
+    places = [(float(series[0, 0]), 0.0), *zip(ends.tolist(), (begins + lengths).tolist(), strict=True)]
     for i in np.flatnonzero((slopes[:, 0] > 0.0) & (falls < 0.0)):
         slope = slopes[i]
         top = brentq(lambda t, slope=slope: slope @ t ** order[:-1], 0.0, lengths[i], rtol=NEARLY)
-        best = max(best, float(series[i] @ top**order))
-    return best
+        places.append((float(series[i] @ top**order), float(begins[i] + top)))
+    value, place = max(places)
+    return place, value

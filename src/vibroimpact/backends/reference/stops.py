@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -46,6 +46,10 @@ class Stop:
         """Return the ratio r of the speeds after and before an impact, given that before it; zero without impulses."""
         return 0.0
 
+    def sensitivity(self, speed: float) -> Any:
+        """Return d(r v)/dv at the speed v before an impact."""
+        return 0.0
+
 
 @dataclass(frozen=True)
 class RigidStop(Stop):
@@ -54,7 +58,8 @@ class RigidStop(Stop):
     Parameters
     ----------
     restitution : float, or function of float
-        Ratio r of the speeds after and before an impact, 0 to 1, or a function of the speed in m/s that returns it.
+        Ratio r of the speeds after and before an impact, 0 to 1, or a law, a function of the speed in m/s that returns
+        it, with its derivative `slope`.
     """
 
     restitution: float | Callable[[float], float]
@@ -63,6 +68,11 @@ class RigidStop(Stop):
     def ratio(self, speed: float) -> Any:
         """Return r."""
         return self.restitution(speed) if callable(self.restitution) else self.restitution
+
+    def sensitivity(self, speed: float) -> Any:
+        """Return r + v dr/dv."""
+        law: Any = self.restitution
+        return law(speed) + speed * law.slope(speed) if callable(law) else law
 
 
 @dataclass(frozen=True)
@@ -86,3 +96,10 @@ class CompliantStop(Stop):
     def slack(self) -> tuple[float, float]:
         """The stiffness and the damping."""
         return self.stiffness, self.damping
+
+
+def stop_of(direction: Floats, gap: float, motion: dict[int, complex], numbers: Mapping[str, Any]) -> Stop:
+    """Return a stop of the kind that its numbers make it: with a `stiffness` and `damping`, or with a `restitution`."""
+    if numbers["stiffness"] > 0.0:
+        return CompliantStop(direction, gap, numbers["stiffness"], numbers["damping"], motion=motion)
+    return RigidStop(direction, gap, numbers["restitution"], motion=motion)
