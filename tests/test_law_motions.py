@@ -172,20 +172,15 @@ def fails_fast(v):
     return 0.5 if v < 150.0 else 1.5
 
 
-def test_a_law_that_fails_in_a_run_ends_the_cell_with_a_status():
+@pytest.mark.parametrize("backend", ["cpu", "reference"])
+def test_a_law_that_fails_in_a_run_ends_the_cell_with_a_status(backend):
     sound, broken = vi.State(-1.0, 0.0), vi.State(-1.0, 300.0)
     for start, ended in ((sound, False), (broken, True)):
-        hits = vi.impact_section(ball(fails_fast), start=start, transient_impacts=0, sample_impacts=5)
+        how = {"start": start, "transient_impacts": 0, "sample_impacts": 5, "backend": backend}
+        hits = vi.impact_section(ball(fails_fast), **how)
         assert (vi.Status(int(hits["status"])) == vi.Status.INVALID_RESTITUTION) == ended
         for names in ("std", ("std", "lyapunov")):
-            sweep = vi.parameter_map(
-                ball(fails_fast),
-                stop_1_gap=[0.0, 0.1],
-                start=start,
-                indices=names,
-                transient_impacts=0,
-                sample_impacts=5,
-            )
+            sweep = vi.parameter_map(ball(fails_fast), stop_1_gap=[0.0, 0.1], indices=names, **how)
             assert (sweep["status"].values == vi.Status.INVALID_RESTITUTION).all() == ended
             assert np.isnan(sweep["std"].values).all() == ended
 

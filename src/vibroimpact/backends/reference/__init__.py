@@ -46,7 +46,9 @@ class ReferenceBackend(Backend):
             )
             for name, index in table.items()
         }
-        columns |= {name: np.zeros(len(cells), np.int64) for name in ("impacts", "steps")}
+        columns |= {name: np.zeros(len(cells), np.int64) for name in ("impacts", "steps", "struck")}
+        columns |= {"first_stop": np.full(len(cells), -1), "first_phase": np.full(len(cells), np.nan)}
+        columns["first_velocity"] = columns["first_phase"].copy()
         columns["status"] = np.zeros(len(cells), np.int8)
         for at, design in enumerate(designs(cells)):
             run, window = Run(design, measurement.tolerances), measurement.impacts
@@ -55,6 +57,11 @@ class ReferenceBackend(Backend):
             columns["status"][at], columns["steps"][at] = samples.status, samples.steps
             columns["impacts"][at] = min(run.walk.recorded, window.transient + window.keep)
             if Status(samples.status).has_indices:
+                columns["first_stop"][at] = samples.impact_stop[0]
+                columns["first_phase"][at], columns["first_velocity"][at] = (
+                    values[0] for values in (samples.impact_phase, samples.impact_velocity)
+                )
+                columns["struck"][at] = sum(1 << j for j in {*samples.impact_stop.tolist()})
                 for name, value in Account(ledger, design, window).indices(measurement.by_stop).items():
                     if name in columns:
                         columns[name][at] = value

@@ -15,10 +15,11 @@ from vibroimpact.backends.base import ImpactWindow
 from vibroimpact.backends.reference.designs import Design
 from vibroimpact.backends.reference.ledger import Ledger, Leg, seconds
 from vibroimpact.backends.reference.stops import Floats
-from vibroimpact.backends.reference.tangent import growth, product
+from vibroimpact.backends.reference.tangent import product
 
 CLOSE = 1e-9  # of V, and of a radian: tolerance of recurring impacts, and of the distance to the periodic orbit
 UNRESOLVED = math.log(1e13)  # ln of the growth of deviations at which rounding decides when all rests again
+STEP = 2.4  # radians of the fastest rate
 NOT_SMALL = 1e-3  # of the cycle's weakest impact: convergence over a longer distance might pass a graze
 
 
@@ -29,9 +30,10 @@ class Account:
         self.design, self.period = design, design.eq.period
         self.legs = ledger.legs[: window.transient + window.keep]
         self.kept = self.legs[window.transient :]
-        # Lengths of deviations: eta L and eta', with L the fastest rate.
-        self.units = np.repeat([design.eq.fastest, 1.0], design.eq.n)
-        self.deviation = np.where(design.felt, 1.0 / np.arange(1.0, 2 * design.eq.n + 1.0), 0.0) / self.units
+        # The length of a deviation is the sum of |eta| L/2.4 and |eta'|, with L the fastest rate.
+        n, rate = design.eq.n, design.eq.fastest / STEP
+        self.units = np.repeat([rate, 1.0], n)
+        self.deviation = np.outer([1.0, 0.7 * rate], 1.0 / np.arange(1.0, n + 1.0)).ravel() * design.felt
         self.periods, self.span = self._cycle()
 
     def indices(self, by_stop: bool) -> dict[str, Any]:
@@ -96,8 +98,7 @@ class Account:
             found["n_periods"] = self.periods if resolved else 0
             found["n_impacts"] = number if resolved and not chatters else -1
         else:
-            before = [leg.matrix for leg in self.legs[1 : len(self.legs) - len(span)]]
-            grown, number = self._grown(before, [leg.matrix for leg in span]), len(span)
+            grown, number = self._grown(self.legs[: len(self.legs) - len(span)], span), len(span)
         return found | {
             "lyapunov": grown / time if span else math.nan,
             "lyapunov_per_impact": grown / number if number else math.nan,
@@ -110,25 +111,36 @@ class Account:
             return self.periods * self.period
         return seconds(self.kept[0], self.kept[-1], self.period)
 
-    def _grown(self, before: list[Any], within: list[Any]) -> float:
-        """Return ln of the growth of a deviation within the span; the matrices before it give it its direction."""
-        vector = self.deviation
-        for matrix in before:
-            moved = matrix @ vector
-            size = float(np.linalg.norm(self.units * moved))
-            vector = moved / size if size > 0.0 else self.deviation
-        return math.fsum(growth(within, vector, self.units))
+    def _length(self, deviation: Any) -> float:
+        return float(np.abs(self.units * deviation).sum())
+
+    def _grown(self, before: list[Leg], within: list[Leg]) -> float:
+        """Return ln of the growth of a deviation over legs; those before give it its direction.
+
+        Where a rest takes all of it, it begins anew before these legs; within them the growth is minus infinity.
+        """
+        vector, grown = self.deviation, 0.0
+        for leg in before:
+            vector = leg.matrix @ vector
+            vector = vector if self._length(vector) > 0.0 else leg.fresh @ self.deviation
+            vector = vector / self._length(vector) if self._length(vector) > 0.0 else self.deviation
+        for leg in within:
+            vector = leg.matrix @ vector
+            length = self._length(vector)
+            if length == 0.0:
+                return -math.inf
+            vector, grown = vector / length, grown + math.log(length)
+        return grown
 
     def _parting(self) -> float:
         """Return ln of the largest growth of a deviation from any impact of the cycle to a later one."""
-        grown = most = 0.0
-        vector = self.deviation / np.linalg.norm(self.units * self.deviation)
+        fresh = self.deviation / self._length(self.deviation)
+        vector, grown, most = fresh, 0.0, 0.0
         for leg in self.span:
-            moved = leg.fresh @ vector
-            size = float(np.linalg.norm(self.units * moved))
-            grown += math.log(size) if size > 0.0 else -math.inf
-            vector = moved / size if grown > 0.0 else self.deviation / np.linalg.norm(self.units * self.deviation)
-            grown = max(grown, 0.0)
+            vector = leg.fresh @ vector
+            length = self._length(vector)
+            grown += math.log(length) if length > 0.0 else -math.inf
+            vector, grown = (vector / length, grown) if grown > 0.0 else (fresh, 0.0)
             most = max(most, grown)
         return most
 
@@ -145,7 +157,7 @@ class Account:
         """Return the last two releases from a rest in which nothing was free to move: what follows is the same."""
         rests = [i for i, leg in enumerate(self.legs) if leg.release is not None]
         for earlier, later in zip(rests[-2::-1], rests[:0:-1], strict=False):
-            (stops, *before), (again, *after) = self.legs[earlier].release, self.legs[later].release  # type: ignore[misc]
+            (stops, *before), (again, *after) = self.legs[earlier].release, self.legs[later].release
             turns = (after[0] - before[0]) + (after[1] - before[1])
             if stops == again and abs(turns - round(turns)) * 2.0 * math.pi <= CLOSE and round(turns) >= 1:
                 self.forgets = True
@@ -174,11 +186,11 @@ class Account:
             turns = seconds(self.legs[first], self.legs[last], 1.0)
             if round(turns) < 1:  # in a chatter successive impacts are close to each other
                 continue
-            radius, matrix = product([leg.matrix for leg in self.legs[first + 1 :]])  # type: ignore[misc]
+            radius, matrix = product([leg.matrix for leg in self.legs[first + 1 :]])
             if radius >= 0.0:
                 return 0, 0, 0
             late = (turns - round(turns)) * self.period
-            missing = (self.legs[last].state - self.legs[first].state - self.legs[last].rate * late) * felt  # type: ignore[operator]
+            missing = (self.legs[last].state - self.legs[first].state - self.legs[last].rate * late) * felt
             away = np.abs(self.units * np.linalg.solve(np.eye(len(matrix)) - matrix, missing)).max()
             weakest = min(leg.speed for leg in self.legs[first + 1 :])
             if away > min(CLOSE * speed, NOT_SMALL * weakest):

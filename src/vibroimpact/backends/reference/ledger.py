@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -52,14 +53,14 @@ class Leg:
     miss: Floats
     drained: float = 0.0
     chatters: bool = False
-    release: tuple[tuple[int, ...], float, float] | None = None
-    fresh: Floats | None = None
-    matrix: Floats | None = None
+    release: Any = None
+    fresh: Any = None
+    matrix: Any = None
     turns: tuple[float, float] = (0.0, 0.0)
     speed: float = 0.0
     stop: int = 0
-    state: Floats | None = None
-    rate: Floats | None = None
+    state: Any = None
+    rate: Any = None
 
 
 class Ledger:
@@ -123,8 +124,11 @@ class Ledger:
         leg.rest[list(walk.closed)] += flight.time
         leg.rest[-1] += flight.time if walk.closed else 0.0
         leg.drained += drained(flight.phase, eq.damping, flight.x, flight.time)
+        touch = walk.touch()
         clear = [j for j in range(eq.s) if j not in (*walk.closed, *walk.pushing, *walk.away)]
-        leg.miss = np.minimum(leg.miss, flight.phase.dips(flight.x, flight.time, flight.end, np.array(clear, int)))
+        for j in clear:
+            dips = flight.phase.dips(j, flight.x, flight.time, flight.end)
+            leg.miss[j] = min([leg.miss[j], *(u for u in dips if u > touch[j])])
 
 
 def seconds(first: Leg, last: Leg, period: float) -> float:

@@ -207,25 +207,21 @@ class Phase:
         states: Floats = np.einsum("tp,ptx->tx", rest, np.swapaxes(self.series(grid[whole].T), 1, 2))
         return states
 
-    def dips(self, x: Floats, time: float, end: Floats, stops: Which) -> Floats:
-        """Return the least minimum of the clearance of each stop over a time from x to X = `end`; infinite if none.
+    def dips(self, j: int, x: Floats, time: float, end: Floats) -> list[float]:
+        """Return the minima of a stop's clearance over a time from x to X = `end`.
 
         Its rate rises through zero there: between two strides, or where the rate itself turns within one.
         """
-        least = np.full(len(self.rows[CLEARANCE]), np.inf)
         starts, lengths = self.strides(x, time)
-        states = np.concatenate([starts, end[None]])
-        for j in stops:
-            _, rate, bend = self.rows[CLEARANCE, j] @ states.T
-            rises, turns = (rate[:-1] < 0.0) & (rate[1:] >= 0.0), bend[:-1] * bend[1:] < 0.0
-            for i in np.flatnonzero(rises | turns):
-                coefficients = self.rows[CLEARANCE, j] @ self.series(starts[i]).T
-                u, w, b = (self._function(each) for each in coefficients)
-                for low, high in pairwise(_with_roots(b, [0.0, lengths[i]])):
-                    if w(low) < 0.0 <= w(high):
-                        at = _with_roots(w, [low, high])[1]
-                        least[j] = min(least[j], max(u(at), 0.0))
-        return least
+        rows, minima = self.rows[CLEARANCE, j], []
+        _, rate, bend = rows @ np.concatenate([starts, end[None]]).T
+        rises, turns = (rate[:-1] < 0.0) & (rate[1:] >= 0.0), bend[:-1] * bend[1:] < 0.0
+        for i in np.flatnonzero(rises | turns):
+            u, w, b = (self._function(each) for each in rows @ self.series(starts[i]).T)
+            for low, high in pairwise(_with_roots(b, [0.0, lengths[i]])):
+                if w(low) < 0.0 <= w(high):
+                    minima.append(u(_with_roots(w, [low, high])[1]))
+        return minima
 
     @cached_property
     def block(self) -> Floats:

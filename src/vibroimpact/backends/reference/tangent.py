@@ -87,19 +87,6 @@ class Tangent:
         return columns
 
 
-def growth(matrices: list[Floats], vector: Floats, units: Floats) -> list[float]:
-    """Return ln of the growth of a deviation over each of successive matrices; `units` turn it into speeds."""
-    grown = []
-    for matrix in matrices:
-        moved = matrix @ vector
-        before, after = (float(np.linalg.norm(units * part)) for part in (vector, moved))
-        grown.append(math.log(after / before) if after > 0.0 else -math.inf)
-        if after == 0.0:
-            break
-        vector = moved / after
-    return grown
-
-
 def product(matrices: list[Floats]) -> tuple[float, Floats]:
     """Return ln of the spectral radius of a product of matrices, the first one applied first, and the product."""
     total, size = np.eye(len(matrices[0])), 0.0

@@ -57,7 +57,7 @@ class Walk:
         self.jumps: list[tuple[Which, Floats]] = []  # stops whose impulses acted in this event, and their 1 + d(r v)/dv
         self.struck = 0.0  # the largest closing speed in this event
         self.late = 0.0  # how much later, in s, the stops close that it closes: the rest of a chatter
-        if (at.clearance < -self._touch())[eq.impenetrable].any():
+        if (at.clearance < -self.touch())[eq.impenetrable].any():
             raise ValueError(f"the state lies beyond a stop: clearances {at.clearance.tolist()}")
 
     @property
@@ -80,7 +80,8 @@ class Walk:
         """The impacts recorded so far."""
         return [event for event in self.events if event.kind == "impact"]
 
-    def _touch(self) -> Floats:
+    def touch(self) -> Floats:
+        """Return how small clearances are contact."""
         reach = np.abs(self.eq.places).sum(axis=1) + np.abs(self.eq.directions) @ np.abs(self.at.displacement)
         touch: Floats = TOUCH * reach
         return touch
@@ -101,7 +102,7 @@ class Walk:
         self.jumps, self.struck, self.late = [], 0.0, 0.0
         self.calm = 0.0 if self.flight is None or self.flight.event is not None else self.calm
         for _ in range(EVENTS):
-            clearance, touch = self.at.clearance, self._touch()
+            clearance, touch = self.at.clearance, self.touch()
             touching = np.flatnonzero((clearance <= touch) & (impenetrable | (clearance >= -touch)))
             self._close_gaps(touching[self.at.rate[touching] <= 0.0])
             touching = touching[impenetrable[touching]]
@@ -142,7 +143,7 @@ class Walk:
 
         The sign of the first non-zero derivative decides; it is the same with and without the stop's own force.
         """
-        clear, touch = self.at.clearance[j], self._touch()[j]
+        clear, touch = self.at.clearance[j], self.touch()[j]
         if clear >= -touch:
             nears = clear <= touch and self.at.rate[j] <= 0.0
             return int(nears and phase.leading(phase.rows[CLEARANCE, j, 0], x)[1] < 0.0)
@@ -293,7 +294,7 @@ class Walk:
     def _watched(self, phase: Phase, x: Floats) -> dict[Watch, float]:
         """Return the values that may fall through zero next, their stops, and until when each is certainly positive."""
         watched = {}
-        touching = self.at.clearance <= self._touch()
+        touching = self.at.clearance <= self.touch()
         for j in range(self.eq.s):
             if j in self.closed and j not in self.held:
                 continue
