@@ -132,6 +132,13 @@ def test_each_motion_of_a_system_ends_with_its_status_in_a_section_and_in_a_map(
         assert hits.sizes["impact"] == 0
 
 
+@pytest.mark.parametrize("name", ENDINGS)
+def test_the_witness_ends_each_motion_with_its_status(name):
+    model, start, outcomes = ENDINGS[name]
+    hits = impacts(model, 100, start=start, backend="reference")
+    assert vi.Status(int(hits["status"])) in outcomes
+
+
 def test_masses_that_part_slowly_are_waited_for():
     """No faster than 1 mm/s they meet after 1,000 s."""
     hits = impacts(pair(restitution=0.5), 1, start=vi.State([0, 0], [1e-3, 0.0]))

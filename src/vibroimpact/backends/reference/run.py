@@ -70,13 +70,12 @@ class Run:
     def _ending(self, granted: float) -> Status:
         """Return why no further impact will come, BUDGET if that is not known in time, or OK."""
         walk, hit = self.walk, self.walk.recorded > 0
-        flown = walk.flight is not None and walk.flight.event is None
-        if flown and self.endings.fades(walk, self.cut):
-            return Status.DECAYING if hit else Status.NO_IMPACT
         touches = bool(walk.closed or walk.pushing or walk.away)
-        if (flown or touches) and self.endings.lasts(walk):
+        if (not walk.struck or touches) and self.endings.lasts(walk):
             touches |= bool((walk.at.clearance == 0.0).any())
             return Status.STUCK_FOREVER if touches else Status.STOPPED_IMPACTING if hit else Status.NO_IMPACT
+        if not walk.struck and self.endings.fades(walk, self.cut):
+            return Status.DECAYING if hit else Status.NO_IMPACT
         calm = walk.turns - self.quiet_since
         if touches and calm > 1.0 and self.endings.repeats(walk, self.quiet_since):
             return Status.STUCK_FOREVER
