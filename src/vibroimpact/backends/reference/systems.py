@@ -1,4 +1,4 @@
-"""The cross-check for systems of several coordinates and stops: one motion as the list of its events."""
+"""One motion by the witness, as the list of its events: for tests, and to look at a motion more closely."""
 
 from __future__ import annotations
 
@@ -59,6 +59,7 @@ def follow(
 
     Examples
     --------
+    >>> import numpy as np
     >>> from vibroimpact.backends.reference.stops import RigidStop
     >>> ball = LinearSystem(np.eye(1), np.zeros((1, 1)), np.zeros((1, 1)), 1.0, np.array([2.0]), {},
     ...                     (RigidStop(np.array([1.0]), 0.0, 0.5),))
