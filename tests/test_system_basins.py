@@ -319,6 +319,14 @@ def test_a_wrong_request_is_refused_in_one_sentence(axes, message):
         vi.basins(THREE, **axes)
 
 
+def test_the_witness_finds_the_attractors_of_a_mass_between_two_stops():
+    starts, few = [vi.State(0.0), vi.State(0.0, -1.0)], {"transient_impacts": 60, "sample_impacts": 60, "workers": 1}
+    ours, theirs = (vi.attractors(TWINS, starts, backend=name, **few) for name in ("cpu", "reference"))
+    assert [(one.name, one.share, one.stops) for one in ours] == [(one.name, one.share, one.stops) for one in theirs]
+    for one, other in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(one.velocities, other.velocities, rtol=1e-9)
+
+
 def test_a_system_without_stops_is_refused_but_has_a_map():
     free = of(1.0, 0.1, 1.0, 2.0, [], {1: 1.0})
     with pytest.raises(ValueError, match="`osc` must have a stop"):

@@ -1,6 +1,7 @@
 """The witness and the engine, on random systems; and what only the witness shows: laws of impacts, forces, energy."""
 
 import math
+from dataclasses import fields
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +14,7 @@ from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, 
 from vibroimpact.backends.reference.contacts import impact_law
 from vibroimpact.backends.reference.systems import follow
 from vibroimpact.indices import FORCES, INDICES
+from vibroimpact.model.elements import Contact
 
 # Laws of impacts
 
@@ -179,11 +181,11 @@ def both(method, model, measurement):
 def test_both_codes_sample_random_systems_alike(make, seed, window):
     (ours,), (theirs,) = both("samples", make(seed), Measurement(window))
     assert vi.Status(ours.status) == vi.Status(theirs.status)
-    # Where a motion that the witness has looked at goes on is where its last sample is; the engine may be further.
-    names = [name for name in vars(ours) if not name.startswith("last") and name not in ("status", "steps")]
-    for name in names:
-        mine, its = (np.asarray(getattr(code, name), float) for code in (ours, theirs))
-        assert mine.shape == its.shape, name
+    names = [each.name for each in fields(ours) if each.name.startswith(("impact", "look", "rest"))]
+    for name in (*names, *Contact._fields):
+        parts = [getattr(code if name in names else code.contacts, name) for code in (ours, theirs)]
+        mine, its = (np.asarray(part, float) for part in parts)
+        assert mine.shape == its.shape or name not in names, name  # of a contact one number may stand for all
         size = np.abs(mine[np.isfinite(mine)]).max(initial=1e-3)
         np.testing.assert_allclose(mine, its, rtol=0.0, atol=1e-9 * size, err_msg=name)
 

@@ -8,11 +8,9 @@ of one mass takes about 2 ms. To audit a cell, read `walk.Walk`, which contains 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from vibroimpact.backends.base import Backend, Floats, ImpactWindow, Measurement, Outcome, Samples, SystemSamples
+from vibroimpact.backends.base import Backend, ImpactWindow, Measurement, Outcome, Samples
 from vibroimpact.backends.reference.designs import designs
 from vibroimpact.backends.reference.indices import Account
 from vibroimpact.backends.reference.ledger import Ledger
@@ -67,27 +65,17 @@ class ReferenceBackend(Backend):
                         columns[name][at] = value
         return columns
 
-    def samples(self, cells: Cells, measurement: Measurement) -> list[Any]:
+    def samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
         """Return the samples of each cell in the window."""
-        window, found = measurement.window, list[Any]()
+        window, found = measurement.window, list[Samples]()
         for design in designs(cells):
             run = Run(design, measurement.tolerances)
             found.append(run.impacts(window) if isinstance(window, ImpactWindow) else run.looks(window))
-            if not isinstance(cells, SystemCells):
-                found[-1] = _plain(found[-1], design.eq.places[0, 0], run.last_periods)
+            if not isinstance(cells, SystemCells):  # one mass, at the stop or away from it
+                at_impact = isinstance(window, ImpactWindow)
+                y = found[-1].last_displacement[0]
+                found[-1].last_clearance = float(run.walk.at.clearance[0] if at_impact else design.eq.places[0, 0] - y)
         return found
-
-
-def _plain(samples: SystemSamples, gap: float, periods: float) -> Samples:
-    """Return the samples of one mass."""
-    (y,), (v,) = samples.last_displacement.tolist(), samples.last_velocity.tolist()
-    clearance = gap - y if abs(gap - y) > 1e-15 * (abs(gap) + abs(y)) else 0.0
-    impacts = samples.impact_periods, samples.impact_phase, samples.impact_velocity
-    looks = samples.look_periods, samples.look_phase, samples.look_displacement[:, 0], samples.look_velocity[:, 0]
-    rows: list[Floats] = [np.column_stack(parts) for parts in (impacts, looks, (samples.rest_begin, samples.rest_end))]
-    last = clearance, v, periods, samples.last_phase
-    status, steps = Status(samples.status), samples.steps
-    return Samples.of(impacts=rows[0], looks=rows[1], sticks=rows[2], status=status, last=last, steps=steps)
 
 
 def create() -> ReferenceBackend:

@@ -57,9 +57,9 @@ class Event:
     energy_lost, peak_force, penetration, contact_time : float
         For an impact: the energy lost at this stop in J and, for a compliant stop, the peak force in N, the penetration
         in m and the contact time in s, up to the present if the contact is unfinished.
-    exit, exit_velocity : float
+    exit_time, exit_velocity : float
         For an impact: the time in s from it to the end of its force, and the rate of the clearance then in m/s.
-    peak, deepest : float
+    peak_force_time, penetration_time : float
         For an impact on a compliant stop: the times in s from it to the largest force and penetration.
     impulses : tuple of float
         For an impact: the impulses of all stops at this instant; a closed stop has one, too.
@@ -80,10 +80,10 @@ class Event:
     peak_force: float = 0.0
     penetration: float = 0.0
     contact_time: float = 0.0
-    exit: float = 0.0
+    exit_time: float = 0.0
     exit_velocity: float = 0.0
-    peak: float = 0.0
-    deepest: float = 0.0
+    peak_force_time: float = 0.0
+    penetration_time: float = 0.0
     impulses: tuple[float, ...] = ()
     simultaneous: bool = False
     closed: tuple[int, ...] = ()
@@ -98,10 +98,10 @@ class Event:
             peak_force=max(self.peak_force, push.peak_force),
             penetration=max(self.penetration, push.penetration),
             contact_time=self.contact_time + push.contact_time,
-            exit=since + push.contact_time,
+            exit_time=since + push.contact_time,
             exit_velocity=push.rate,
-            peak=since + push.peak if harder else self.peak,
-            deepest=since + push.deepest if deeper else self.deepest,
+            peak_force_time=since + push.peak if harder else self.peak_force_time,
+            penetration_time=since + push.deepest if deeper else self.penetration_time,
         )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from vibroimpact.backends.base import (
     ImpactWindow,
     LooksWindow,
-    SystemSamples,
+    Samples,
     impacts_status,
     looks_status,
 )
@@ -19,21 +19,11 @@ from vibroimpact.backends.reference.endings import Endings
 from vibroimpact.backends.reference.ledger import Ledger
 from vibroimpact.backends.reference.stops import Floats
 from vibroimpact.backends.reference.walk import Walk
+from vibroimpact.model.elements import Contact
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status
 
-FORCES = (
-    "impulse",
-    "energy_lost",
-    "peak_force",
-    "contact_time",
-    "penetration",
-    "exit",
-    "exit_velocity",
-    "peak",
-    "deepest",
-)
-OF_COMPLIANT = "peak_force", "contact_time", "penetration", "peak", "deepest"  # have no value for an impulse
+OF_COMPLIANT = "peak_force", "contact_time", "penetration", "peak_force_time", "penetration_time"  # not of an impulse
 
 
 class Run:
@@ -86,7 +76,7 @@ class Run:
         self.walk.move(math.inf)
         self.steps += 1
 
-    def impacts(self, window: ImpactWindow, ledger: Ledger | None = None) -> SystemSamples:
+    def impacts(self, window: ImpactWindow, ledger: Ledger | None = None) -> Samples:
         """Return the impacts that a window keeps; a ledger sums up the whole motion."""
         walk, wanted = self.walk, window.transient + window.keep
         while True:
@@ -110,10 +100,9 @@ class Run:
         rests = rests[(np.isnan(ends) | (ends > first)) & (rests[:, 1] + rests[:, 2] < last)]
         status = impacts_status(np.column_stack([impacts["periods"], impacts["phase"]]), rests, window, ended)
         at = walk.at
-        self.last_periods = float(at.periods)
         return self._samples(impacts, rests, status, (at.displacement, at.velocity, at.phase))
 
-    def looks(self, window: LooksWindow) -> SystemSamples:
+    def looks(self, window: LooksWindow) -> Samples:
         """Return the samples of a window of times."""
         walk, (periods, phase), eq = (
             self.walk,
@@ -121,7 +110,6 @@ class Run:
             self.design.eq,
         )
         granted, rows, ended = self.each * (math.ceil(window.length) + 1), [], Status.OK
-        self.last_periods = float(walk.at.periods)
         taken, last = 0, (walk.at.displacement, walk.at.velocity, walk.at.phase)
         while taken < len(periods) and ended == Status.OK:
             ended = self._meet()
@@ -141,10 +129,9 @@ class Run:
         impacts, rests = self._impacts(walk.impacts), self._rests()
         if taken:
             last = (q[-1], v[-1], phase[taken - 1])
-            self.last_periods = float(periods[taken - 1])
             end = periods[taken - 1] + phase[taken - 1]
-            over = impacts["periods"] + impacts["phase"] + impacts["exit"] / eq.period
-            for name in FORCES:
+            over = impacts["periods"] + impacts["phase"] + impacts["exit_time"] / eq.period
+            for name in Contact._fields:
                 impacts[name][over > end] = math.nan
             rests[rests[:, 3] + rests[:, 4] > end, 3:] = math.nan
         if ended == Status.OK:
@@ -166,12 +153,12 @@ class Run:
         compliant = ~self.design.eq.impenetrable
         pending = [self.walk.contacts[j] for j in self.walk.pushing]
         unfinished = [self.walk.events[index] for index in pending if index is not None]
-        names = "periods", "phase", "stop", "velocity", "simultaneous", *FORCES
+        names = "periods", "phase", "stop", "velocity", "simultaneous", *Contact._fields
         table = {name: np.array([getattr(event, name) for event in events]) for name in names}
         stops = table["stop"] = table["stop"].astype(np.int64)
         soft = compliant[stops] if len(compliant) else np.zeros(0, bool)
         open_ = np.array([any(event is one for one in unfinished) for event in events], bool)
-        for name in FORCES:
+        for name in Contact._fields:
             table[name] = table[name].astype(float)
             table[name][open_ | (~soft & (name in OF_COMPLIANT))] = math.nan
         return table
@@ -190,24 +177,16 @@ class Run:
 
     def _samples(
         self, impacts: dict[str, Any], rests: Floats, status: Status, last: tuple[Floats, Floats, float], *looks: Floats
-    ) -> SystemSamples:
+    ) -> Samples:
         shapes = self.design.shapes
         periods, phase, q, v = looks or (np.empty(0), np.empty(0), *np.empty((2, 0, len(shapes))))
-        return SystemSamples(
+        return Samples(
             impact_periods=impacts["periods"],
             impact_phase=impacts["phase"],
             impact_stop=impacts["stop"],
             impact_velocity=impacts["velocity"],
-            impact_impulse=impacts["impulse"],
-            impact_energy=impacts["energy_lost"],
             impact_simultaneous=impacts["simultaneous"].astype(bool),
-            impact_force=impacts["peak_force"],
-            impact_duration=impacts["contact_time"],
-            impact_depth=impacts["penetration"],
-            impact_exit=impacts["exit"],
-            impact_exit_velocity=impacts["exit_velocity"],
-            impact_peak=impacts["peak"],
-            impact_deepest=impacts["deepest"],
+            contacts=Contact(*(impacts[name] for name in Contact._fields)),
             look_periods=periods,
             look_phase=phase,
             look_displacement=q @ shapes.T,
