@@ -160,6 +160,17 @@ def test_a_window_carries_on_where_the_one_before_it_ended(exact):
     assert after.impact_velocity == pytest.approx(known, rel=0.0 if exact == "reference" else 1e-9, abs=0.0)
 
 
+@pytest.mark.parametrize("name", ["cpu", "reference"])
+@pytest.mark.parametrize("make", [vi.models.two_sided_oscillator, vi.models.impact_damper])
+def test_a_window_of_a_system_carries_on_where_the_one_before_it_ended(name, make):
+    cells, engine = make().cells({}), get_backend(name)
+    (whole,), (first,) = (engine.samples(cells, Measurement(ImpactWindow(0, keep))) for keep in (12, 5))
+    state = first.last_displacement[None], first.last_velocity[None], np.array([first.last_phase])
+    (after,) = engine.samples(cells.at(*state), Measurement(ImpactWindow(0, 7)))
+    assert after.impact_stop.tolist() == whole.impact_stop[5:].tolist()
+    assert after.impact_velocity == pytest.approx(whole.impact_velocity[5:], rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("parameters", "start", "expected"),
     [
