@@ -126,7 +126,7 @@ def simultaneous(names: Sequence[str], one: int, other: int) -> str:
 
 
 def ended(last: Member, beyond: Member | None) -> tuple[str, str]:
-    """Return the outcome of a search and its reason where no orbit comes after the last one but the solution `beyond`."""
+    """Return the outcome of a search, and the reason, where the solution `beyond` comes after the last orbit."""
     cycle, unknown, names = last.at, last.unknown, last.cycle.flow.names
     apart, stops, number = np.diff(cycle.angles(unknown)), [event.stop for event in cycle.events], len(cycle.events)
     light = [
