@@ -6,8 +6,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from vibroimpact.parameters import invalid, several, unknown
 
 
@@ -81,7 +79,6 @@ ALL = "all"  # in the place of names: all that a back end computes
 
 VELOCITY_INDICES = frozenset(name for name, index in INDICES.items() if index.from_velocities)
 
-NO_HARMONIC = 1e-12  # of the rms displacement: a smaller harmonic is rounding
 ROUNDING = 1e-9  # relative to the scale: a smaller spread is rounding, and the motion is a cycle
 
 
@@ -115,11 +112,6 @@ OF_PERIODS = (
     "impacts_per_period", "dissipation", "n_periods", "n_impacts", "impact_phase_spread", "harmonic_amplitude",
     "harmonic_phase",
 )  # fmt: skip
-
-
-def phase_of(harmonic: Any, rms: Any) -> Any:
-    """Return the phase of a first harmonic Y in rad; NaN where |Y| is rounding beside the rms displacement."""
-    return np.where(np.abs(harmonic) > NO_HARMONIC * rms, np.angle(harmonic), np.nan)
 
 
 def without_value(name: str, model: Any, of: Any = ()) -> str:

@@ -19,6 +19,8 @@ from vibroimpact.status import Status, window_status
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
+NO_HARMONIC = 1e-12  # of the rms displacement: a smaller harmonic is rounding
+
 
 @dataclass(frozen=True)
 class ImpactWindow:
@@ -296,3 +298,8 @@ def taken_by(mass: float, restitution: float, speed: Any) -> Contact:
     """Return impulse, loss and exit velocity of impacts of one mass on a rigid stop, at one speed or an array."""
     loss, away = energy_loss(mass, restitution) * speed**2, restitution * speed
     return Contact(mass * (1.0 + restitution) * speed, energy_lost=loss, exit_velocity=away, exit_time=0.0)
+
+
+def phase_of(harmonic: Any, rms: Any) -> Any:
+    """Return the phase of a first harmonic Y in rad; NaN where |Y| is rounding beside the rms displacement."""
+    return np.where(np.abs(harmonic) > NO_HARMONIC * rms, np.angle(harmonic), np.nan)

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends.base import Counts, Floats, Measurement, Outcome
+from vibroimpact.backends.base import Counts, Floats, Measurement, Outcome, phase_of
 from vibroimpact.backends.modal.rows import budgets_of, in_steps, steps_of
 from vibroimpact.backends.modal.sweep import layout_for, noted, room_for
 from vibroimpact.backends.one_mass import as_systems, resumed
 from vibroimpact.backends.scalar import Sweep, aligned
 from vibroimpact.cells import Cells
-from vibroimpact.indices import phase_of
 from vibroimpact.kernels.cell import FILLED, Cell
 from vibroimpact.kernels.cycle import UNREPEATED
 from vibroimpact.kernels.held import InMemory

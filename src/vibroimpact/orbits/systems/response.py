@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibroimpact.backends.base import phase_of
 from vibroimpact.cells import Floats
-from vibroimpact.indices import phase_of
 from vibroimpact.model.modal import ModalForm
 from vibroimpact.model.points import observed
 from vibroimpact.model.system import ImpactSystem
