@@ -2,6 +2,7 @@
 # follows pyproject.toml.
 PYTHON ?= python3
 BIN := .venv/bin
+PAGES := docs/reference/api/generated# written anew, or pages stay of what is gone, to which nothing links
 TELLING := storage stores plotting_maps explorer_controls cli cluster
 
 .PHONY: help demo test test-all check check-oldest check-newest fuzz bench docs figures dist clean
@@ -39,6 +40,7 @@ check: .venv/.has-tests .venv/.has-checks
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	rm -rf $(PAGES)
 	$(BIN)/sphinx-build -W --keep-going --quiet -b html -D plot_gallery=0 -D nb_execution_mode=off docs docs/_build/check
 	$(BIN)/python -m pytest --quiet tests/test_docs_built.py
 
@@ -63,6 +65,7 @@ bench: .venv/.has-tests .venv/.has-benchmarks
 	$(BIN)/python -m benchmarks.run
 
 docs: .venv/.has-tests .venv/.has-checks
+	rm -rf $(PAGES)
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
 	@echo "The documentation lies at $(CURDIR)/docs/_build/html/index.html"
 
