@@ -19,7 +19,7 @@ from vibroimpact.dataset import status_variable
 from vibroimpact.labels import of_one_mass, taken_by_stops, trajectory_of
 from vibroimpact.model import as_system
 from vibroimpact.model.balance import clearances
-from vibroimpact.model.elements import REPORTS, Contact
+from vibroimpact.model.elements import NO_CONTACT, REPORTS, Contact
 from vibroimpact.model.force import Force, checked_force
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.parameters import hertz, invalid, real_number, several
@@ -143,7 +143,7 @@ class _Divided(NamedTuple):
 
     part: dict[str, Any]
     row: int
-    taken: Contact = Contact(0.0, 0.0, 0.0, 0.0, 0.0)
+    taken: Contact = NO_CONTACT
 
     def followed(self, stop: int, begin: float, end: float, within: Callable[..., Any]) -> _Divided | None:
         """Return the contact at the end of a span, in driving periods, after listing it; None if it is over by then."""

@@ -9,7 +9,7 @@ from numpy.polynomial import legendre
 
 from vibroimpact.backends.effects import FIT, NODES, Rests, States, panels_over, parts_of
 from vibroimpact.cells import Floats
-from vibroimpact.model.elements import Contact
+from vibroimpact.model.elements import NO_CONTACT, Contact
 
 if TYPE_CHECKING:
     from vibroimpact.model.system import ImpactSystem
@@ -38,7 +38,7 @@ def contact_within(
     over, pushes = len(free) > 0, not len(free) and bool(pushing[-1:].any())
     panels = panels[pushing]
     if not len(panels.ends):
-        return Contact(0.0, 0.0, 0.0, 0.0, 0.0), over, pushes
+        return NO_CONTACT, over, pushes
     forces, (depths, rates) = panels.forces[..., stop], panels.depth(stop)
     (peak, force), (deepest, depth) = (_largest(values @ FIT.T, panels.ends) for values in (forces, depths))
     exit_time, peak, deepest = (turns * system.period - since for turns in (panels.ends[-1, 1], peak, deepest))

@@ -113,6 +113,9 @@ class Contact(NamedTuple):
         )
 
 
+NO_CONTACT = Contact(0.0, 0.0, 0.0, 0.0, 0.0)
+
+
 class Element(ABC):
     """One kind of stop, with its numbers.
 
