@@ -15,6 +15,7 @@ last sample.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import astuple, dataclass
 
 import numpy as np
@@ -24,10 +25,14 @@ from vibroimpact.backends.base import (
     Floats,
     ImpactWindow,
     LooksWindow,
+    Measurement,
+    Outcome,
     Samples,
     energy_loss,
 )
-from vibroimpact.backends.one_by_one import SAMPLE_INDICES, OneByOne, impact_indices
+from vibroimpact.backends.one_mass import OfOneMass
+from vibroimpact.cells import Cells
+from vibroimpact.indices import INDICES, VELOCITY_INDICES
 from vibroimpact.kernels.march import march
 from vibroimpact.options import Tolerances
 from vibroimpact.parameters import SMALLEST, invalid, real_number
@@ -174,22 +179,71 @@ class Run:
             )
 
 
-class FixedStepBackend(OneByOne):
+def impact_indices(samples: Samples, loss: float) -> dict[str, float]:
+    """Return the indices that need only kept impacts; an impact at speed v loses the energy `loss` v^2.
+
+    Here `loss` is m (1 - r^2)/2. The energy is the loss of all impacts after the first: these and the flights before
+    them make up the span. The spread of the phases is 1 - |mean of exp(2 pi i phase)|.
+    """
+    velocity, last = samples.impact_velocity, len(samples.impact_velocity) - 1
+    # Shifted by the first sample, so that nearly equal velocities keep the digits of their differences.
+    shifted = velocity - velocity[0]
+    angle = 2.0 * math.pi * samples.impact_phase
+    indices = {
+        "std": float(np.std(shifted)),
+        "mean_velocity": float(velocity[0] + shifted.mean()),
+        "max_velocity": float(velocity.max()),
+        "impact_phase_spread": max(1.0 - math.hypot(float(np.cos(angle).mean()), float(np.sin(angle).mean())), 0.0),
+    }
+    if last == 0:
+        return indices
+    span = float(
+        (samples.impact_periods[-1] - samples.impact_periods[0]) + (samples.impact_phase[-1] - samples.impact_phase[0])
+    )
+    return indices | {
+        "impacts_per_period": last / span,
+        "dissipation": loss * float((velocity[1:] ** 2).sum()) / span,
+    }
+
+
+class FixedStepBackend(OfOneMass):
     """The paper's scheme behind the back-end protocol.
 
-    With contact tested only at step ends, no motion sticks, repeats to rounding or has a tangent; `known_indices` are
-    the indices that still have a value.
+    It computes one cell after another and every impact, whether or not `early_closing` is set. With contact tested only
+    at step ends, no motion sticks, repeats to rounding or has a tangent; `known_indices` are the indices that still
+    have a value, and all of them are returned, requested or not.
     """
 
     name = sampler = "fixed-step"
-    known_indices = SAMPLE_INDICES
+    smallest_tile = 1
+    largest_tile = 1
+    slow = True
+    known_indices = VELOCITY_INDICES | {"dissipation", "impact_phase_spread"}
 
     def __init__(self, time_step: float) -> None:
         self.time_step = time_step
 
-    def run(self, cell: dict[str, float], tolerances: Tolerances) -> Run:
-        """Return the run of a cell."""
-        return Run(cell, self.time_step, tolerances)
+    def _runs(self, cells: Cells, measurement: Measurement) -> Iterator[Run]:
+        return (Run(cell, self.time_step, measurement.tolerances) for cell in cells)
+
+    def _indices(self, cells: Cells, measurement: Measurement) -> Outcome:
+        rows = [run.indices(measurement.impacts) for run in self._runs(cells, measurement)]
+        table: Outcome = {
+            index.name: np.array([indices.get(index.name, index.fill) for _, _, indices in rows], dtype=index.dtype)
+            for index in INDICES.values()
+        }
+        return table | {
+            "status": np.array([samples.status for samples, _, _ in rows], dtype=np.int8),
+            "impacts": np.array([impacts for _, impacts, _ in rows], dtype=np.int64),
+            "steps": np.array([samples.steps for samples, _, _ in rows], dtype=np.int64),
+        }
+
+    def _samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
+        window = measurement.window
+        runs = self._runs(cells, measurement)
+        if isinstance(window, ImpactWindow):
+            return [run.impacts(window)[0] for run in runs]
+        return [run.looks(window) for run in runs]
 
 
 def create(time_step: float = TIME_STEP) -> FixedStepBackend:
