@@ -132,17 +132,17 @@ class Endings:
     def __init__(self, design: Design) -> None:
         self.design, self.eq = design, design.eq
         self.undriven = not self.eq.orders
-        self.known: dict[Phase, Forever] = {}
-        self.seen: tuple[float, Floats] | None = None  # a state of a motion without impacts, and when it was
+        self.bounds: dict[Phase, Forever] = {}
+        self.mark: tuple[float, Floats] | None = None  # a state of a motion without impacts, and when it was
 
     def lasts(self, walk: Walk) -> bool:
         """Whether the present phase never ends: what is held and pushes goes on to, and nothing else is touched."""
         phase = self.eq.phase(walk.held, walk.pushing)
         if walk.away:
             return False
-        if phase not in self.known:
-            self.known[phase] = Forever(phase, self.eq)
-        forever, x = self.known[phase], walk.vector()
+        if phase not in self.bounds:
+            self.bounds[phase] = Forever(phase, self.eq)
+        forever, x = self.bounds[phase], walk.vector()
         if walk.calm >= self.eq.period and self.holds_all(walk.closed):
             return True  # the force on what nothing else moves has gone through a whole period
         if not forever.bounded:
@@ -170,14 +170,14 @@ class Endings:
         if flight is None:
             return False
         begun, ended = flight.begin.periods + flight.begin.phase, walk.turns
-        if self.seen is None or self.seen[0] < quiet_since:
-            self.seen, self.due, self.next = (begun, flight.x), begun + 1.0, begun + 1.0
+        if self.mark is None or self.mark[0] < quiet_since:
+            self.mark, self.due, self.next = (begun, flight.x), begun + 1.0, begun + 1.0
         while begun <= self.due < ended:
             x = flight.phase.states(flight.x, np.array([(self.due - begun) * self.eq.period]))[0]
-            if (np.abs(x - self.seen[1]) <= SAME * np.abs(self.seen[1]).max()).all():
+            if (np.abs(x - self.mark[1]) <= SAME * np.abs(self.mark[1]).max()).all():
                 return True
             if self.due >= self.next:
-                self.seen, self.next = (self.due, x), self.due + 2.0 * (self.due - quiet_since)
+                self.mark, self.next = (self.due, x), self.due + 2.0 * (self.due - quiet_since)
             self.due += 1.0
         return False
 

@@ -73,7 +73,7 @@ class Ledger:
         self.before: tuple[int, ...] = ()
         self.legs: list[Leg] = []
         self.leg = self._new()
-        self.seen = 0
+        self.listed = 0
 
     def _new(self) -> Leg:
         s = self.design.eq.s
@@ -95,7 +95,7 @@ class Ledger:
             self.pinned = ()
             self.tangent.restart(walk)
         self.before = walk.closed
-        for event in walk.events[self.seen :]:
+        for event in walk.events[self.listed :]:
             if event.kind != "impact":
                 continue
             leg.turns, leg.speed, leg.stop = (event.periods, event.phase), event.velocity, event.stop
@@ -110,7 +110,7 @@ class Ledger:
             self.legs.append(leg)
             self.leg = leg = self._new()
             self.tangent.restart(walk)
-        self.seen = len(walk.events)
+        self.listed = len(walk.events)
 
     def fly(self, walk: Walk) -> None:
         """Take down the flight that the walk has just made."""
