@@ -152,8 +152,8 @@ def harvester():
 @pytest.fixture
 def solutions(monkeypatch):
     """Return the list to which every cycle that is solved for is added."""
-    made, solve = [], striking.find_near
-    monkeypatch.setattr(striking, "find_near", lambda *given: made.append(given[1:3]) or solve(*given))
+    made, solve = [], striking.settled_orbit
+    monkeypatch.setattr(striking, "settled_orbit", lambda *given: made.append(given[1:]) or solve(*given))
     return made
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from vibroimpact.cells import Cells
 from vibroimpact.indices import FORCES, INDICES, RESPONSES, VELOCITY_INDICES
+from vibroimpact.model import State
 from vibroimpact.model.elements import Contact
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
@@ -160,6 +161,10 @@ class Samples:
     last_velocity: Floats
     last_phase: float
     last_clearance: float = math.nan
+
+    def last_state(self, period: float) -> State:
+        """Return the state after the last item kept, with its time in one driving period, in s."""
+        return State(self.last_displacement, self.last_velocity, self.last_phase * period)
 
     @classmethod
     def of_one_mass(

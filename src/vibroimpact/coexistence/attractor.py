@@ -19,7 +19,6 @@ from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import Motion
 from vibroimpact.orbits import Orbit, find_orbit, same_orbit
 from vibroimpact.orbits.orbit import family_of
-from vibroimpact.orbits.systems import ended
 from vibroimpact.showing import Shown, Table
 from vibroimpact.status import Status
 
@@ -206,7 +205,7 @@ def resting(runner: Runner, settled: Settled, at: int) -> State:
     if samples.status == Status.STUCK_FOREVER and system.modal().squares.all():
         last = int(samples.impact_periods[-1]) if len(samples.impact_periods) else 0
         samples = sampled(runner, settled, at, StroboscopicWindow(last + STEADY, 1))
-    return ended(system, samples)
+    return samples.last_state(system.period)
 
 
 def steady_state(system: ImpactSystem) -> State:

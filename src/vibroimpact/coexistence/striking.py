@@ -36,17 +36,16 @@ from vibroimpact.backends.base import Counts, Floats, Samples, energy_loss
 from vibroimpact.coexistence.final import release_phase, released
 from vibroimpact.coexistence.measuring import AT_REST, EQUAL, SPREAD, Runner, carried
 from vibroimpact.coexistence.settling import Settled, chaotic_groups, cycle_groups
-from vibroimpact.model import Model, State
+from vibroimpact.model import State
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits.cycle import cycle_of
-from vibroimpact.orbits.distance import Impacts, equal_parts, points_of, same_orbit
+from vibroimpact.orbits.distance import Impacts, equal_parts, points_of
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.orbits.systems import ended, find_near
+from vibroimpact.orbits.search import settled_orbit
 
 SAME = 1e-6  # ten times how near a state must come back; of phases as points of the unit circle, and of the hardest hit
 FARTHEST = 1e-3  # of those: so far from a cycle its derivative says little
 SOLVED = 64  # impacts of the longest cycle that is solved for
-NEAR = 1e-3  # of an orbit solved for, from the impacts that it was solved from
 BOXES = 64  # of the impact surface, along phase and along velocity
 SHARED = 0.5  # of the impacts of two chaotic motions in the same boxes: above this they are one attractor
 SHORTER = 16  # samples that are compared with that of an attractor, than this
@@ -202,16 +201,17 @@ def follow(runner: Runner, settled: Settled, at: int, others: Sequence[SettledMo
     last = first + p if p > 0 else int(np.searchsorted(turns, turns[first] + n - 1e-6))
     n, span = _smallest(samples, slice(first, last), n)
     phases, speeds, stops = samples.impact_phase[span], speeds[span], samples.impact_stop[span]
-    loss, end = float(np.nansum(samples.contacts.energy_lost[span])) / n, ended(system, samples)
+    loss, end = float(np.nansum(samples.contacts.energy_lost[span])) / n, samples.last_state(system.period)
     exponent = float(settled.indices["lyapunov"][at])
     cycle = SettledMotion(phases, speeds, stops, end, exponent, loss, n, _by_growth(exponent * n * system.period))
     for other in others:
         if alike(other, cycle, other.tolerance):
             return other
     plain = p > 0 and not len(samples.rest_stop) and not samples.impact_simultaneous.any()
-    orbit = solved(system, n, stops, turns[span], speeds, end) if plain and len(stops) <= SOLVED else None
+    orbit = settled_orbit(system, n, samples, span) if plain and len(stops) <= SOLVED else None
     if orbit is None:
-        return replace(cycle, start=ended(system, sampled(runner, settled, at, ImpactWindow(settling, first + 1))))
+        first_hit = sampled(runner, settled, at, ImpactWindow(settling, first + 1))
+        return replace(cycle, start=first_hit.last_state(system.period))
     numbers = np.array([system.stop_names.index(stop) for stop in orbit.stops])
     start = _state_of(carried(system, orbit.start), orbit.start.time)
     phases, speeds = np.array(orbit.phases), np.array(orbit.velocities)
@@ -240,7 +240,7 @@ def sample(runner: Runner, settled: Settled, at: int, window: ImpactWindow) -> S
     if settled.osc.forgets:
         return _of_one_mass(settled, at, phases, speeds)
     exponent, loss = (float(settled.indices[name][at]) for name in ("lyapunov", "dissipation"))
-    return SettledMotion(phases, speeds, samples.impact_stop, ended(settled.osc, samples), exponent, loss)
+    return SettledMotion(phases, speeds, samples.impact_stop, samples.last_state(settled.osc.period), exponent, loss)
 
 
 def _sticking(runner: Runner, settled: Settled, at: int) -> SettledMotion:
@@ -277,7 +277,7 @@ def _turns(runner: Runner, settled: Settled, at: int) -> SettledMotion:
     return replace(_of_one_mass(settled, at, np.concatenate(phases), speeds), loss=loss)
 
 
-def sampled(runner: Runner, settled: Settled, at: int, window: ImpactWindow | StroboscopicWindow) -> Any:
+def sampled(runner: Runner, settled: Settled, at: int, window: ImpactWindow | StroboscopicWindow) -> Samples:
     """Return the samples, in a window, of the motion that initial condition number `at` settles to."""
     return runner.samples(settled.cells[at : at + 1], window)[0]
 
@@ -300,17 +300,6 @@ def _smallest(samples: Samples, span: slice, n: int) -> tuple[int, slice]:
     points = np.column_stack([points_of(impacts, np.max(impacts.velocities)), samples.impact_stop[span]])
     parts = equal_parts(n, points, SAME)
     return n // parts, slice(span.start, span.start + p // parts)
-
-
-def solved(model: Model, n: int, stops: Counts, turns: Floats, speeds: Floats, end: State) -> Orbit | None:
-    """Return the stable orbit that Newton's method finds from a cycle's impacts or a state, if it is that cycle."""
-    system = model.at()
-    times = ((turns - math.floor(turns[0])) * system.period).tolist()
-    impacts = Impacts(turns % 1.0, speeds)
-    for orbit in find_near(model, n, stops.tolist(), times, end):
-        if orbit.stable and same_orbit(orbit, impacts, tolerance=NEAR):
-            return orbit
-    return None
 
 
 def _by_derivative(orbit: Orbit) -> float:

@@ -23,11 +23,10 @@ from vibroimpact.continuation.results import BifurcationPoint, Boundary
 from vibroimpact.model import Model
 from vibroimpact.motion import NAMING, MotionClass, listed, motion_name
 from vibroimpact.motion.classes import classify
-from vibroimpact.orbits import systems
 from vibroimpact.orbits.equations import Cycle, Floats
 from vibroimpact.orbits.one_mass import make_orbit
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.orbits.search import find_orbit
+from vibroimpact.orbits.search import settled_orbit
 from vibroimpact.orbits.sticking_end import StickingEnd, end_of_sticking
 from vibroimpact.progress import Report
 from vibroimpact.sweeps import parameter_map
@@ -219,18 +218,9 @@ def _can_end(name: Name, forgets: bool) -> bool:
 
 def _orbit_of(model: Model, n: int, p: int) -> Orbit | None:
     """Return the cycle to which the motion from rest settles; None if it is not a stable one of that type."""
-    osc = model.at()
-    if not osc.forgets:
-        reached = systems.settled(model, n, p, [WINDOW.transient + WINDOW.keep])
-        return next((orbit for orbit in reached if orbit.stable), None)
-    window = ImpactWindow(WINDOW.transient + WINDOW.keep - 1, 1)
-    (last,) = get_backend("cpu").samples(osc.cells({}), Measurement(window))
-    if not len(last.impact_velocity):
-        return None
-    phase, speed = float(last.impact_phase[0]), float(last.impact_velocity[0])
-    orbits = find_orbit(model, n_periods=n, n_impacts=p, near=(phase, speed))
-    attracting = [orbit for orbit in orbits if orbit.stable]
-    return min(attracting, key=lambda orbit: min(abs(v - speed) for v in orbit.velocities), default=None)
+    window = ImpactWindow(WINDOW.transient + WINDOW.keep - p, p)
+    (samples,) = get_backend("cpu").samples(model.at().cells({}), Measurement(window))
+    return settled_orbit(model, n, samples, slice(0, p)) if len(samples.impact_phase) == p else None
 
 
 def _end_of_orbit(orbit: Orbit, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:

@@ -20,7 +20,7 @@ from vibroimpact.orbits import systems
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of
 from vibroimpact.orbits.one_mass import from_hardest, make_orbit, solution_of, true_cycle
-from vibroimpact.orbits.search import of_one_impact
+from vibroimpact.orbits.search import search_of
 from vibroimpact.orbits.sticking import periods_from_release
 from vibroimpact.orbits.sticking_end import StickingEnd, end_of_sticking
 from vibroimpact.progress import Report
@@ -38,7 +38,7 @@ def points_on_line(
     followed: dict[Hashable, list[Floats]] = defaultdict(list)
     for value in np.linspace(*range, SEEDS).tolist():
         look(0, UNKNOWN, None)
-        for solution in of_one_impact(model.replace(**{parameter: value}), n, symmetric=True):
+        for solution in search_of(model.replace(**{parameter: value})).of_one_impact(n, symmetric=True):
             if any(covered(rows, value, solution.velocity) for rows in followed[solution.struck]):
                 continue
             orbit = solution.orbit()

@@ -18,12 +18,10 @@ import numpy as np
 from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import model_of, start_of
-from vibroimpact.model import Model, State
+from vibroimpact.model import State
 from vibroimpact.motion import NAMING, Motion, MotionClass, decide, may_wind
-from vibroimpact.orbits import one_mass
 from vibroimpact.orbits.distance import Impacts, equal_parts, orbit_distance, points_of
-from vibroimpact.orbits.equations import Cycle
-from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits, ordered
+from vibroimpact.orbits.results import IMPACTS, Orbits, Search, ordered
 from vibroimpact.parameters import counted
 from vibroimpact.status import Status
 
@@ -57,7 +55,6 @@ class _Hits:
     `skipped` impacts came before.
     """
 
-    design: Any
     cell: Any
     skipped: int
     keep: int
@@ -96,12 +93,6 @@ class _Hits:
             found += [_Return(float(misses[at]), int(at), p, int(np.rint(waits[at]))) for at in np.flatnonzero(good)]
         return sorted(found)[:TRIED]
 
-    def state(self, at: int) -> State:
-        """Return a state of a system at an impact, counted from the first that is kept."""
-        samples: Any
-        (samples,) = get_backend("cpu").samples(self.cell, Measurement(ImpactWindow(self.skipped + at, 1)))
-        return State(samples.last_displacement, samples.last_velocity, samples.last_phase * self.design.period)
-
 
 def state_of(near: Any, design: Any) -> Any:
     """Return the last state of a motion that `simulate` or a section holds, in a design; anything else as it is."""
@@ -136,13 +127,13 @@ def state_of(near: Any, design: Any) -> Any:
     return State(last[0][0], last[1][0], float(last[2][0]) % source.period * design.period / source.period)
 
 
-def orbit_near(model: Model, state: State) -> Orbits:
+def orbit_near(search: Search, state: State) -> Orbits:
     """Return the orbit that the motion from a state is on, settles to or comes closest to; the message says which."""
-    design = model.at()
+    design = search.design
     cell = design.cells({}, state)
-    approached = Orbits() if design.forgets else _approached(model, design, cell)
+    approached = Orbits() if design.forgets else _approached(search, cell)
     if approached:
-        return _nearest(model, _Hits(design, cell, 0, 2 * PASSING + 1), approached, PASSING)[0]
+        return _nearest(search, _Hits(cell, 0, 2 * PASSING + 1), approached, PASSING)[0]
     outcome = get_backend("cpu").indices(cell, Measurement(WATCHED, indices=NAMING))
     growth, n, p = (float(outcome[name][0]) for name in NAMING)
     status, impacts = Status(int(outcome["status"][0])), int(outcome["impacts"][0])
@@ -151,30 +142,30 @@ def orbit_near(model: Model, state: State) -> Orbits:
     if not kind.hits and kind != MotionClass.UNDECIDED:
         why = Motion(kind.word, status=status).sentence(design.period)
         return Orbits(outcome="none", message=f"the motion from `near` ends without impacts: {why}")
-    first, settled = _Hits(design, cell, 0, 2 * LONGEST + 1), Orbits()
+    first, settled = _Hits(cell, 0, 2 * LONGEST + 1), Orbits()
     if n:
-        settled = _settled(model, _Hits(design, cell, impacts, max(int(p), 1) + 1), int(n), int(p))
+        settled = _settled(search, _Hits(cell, impacts, max(int(p), 1) + 1), int(n), int(p))
         if settled:
             settled.message = f"the motion from `near` settles to this {settled[0].name} orbit within {impacts} impacts"
-    found, near = _nearest(model, first, settled, LONGEST)
+    found, near = _nearest(search, first, settled, LONGEST)
     if n or near:
         return found
-    return _passed(model, _Hits(design, cell, SEEN, SEEN), Motion(kind.word, status=status))
+    return _passed(search, _Hits(cell, SEEN, SEEN), Motion(kind.word, status=status))
 
 
-def _nearest(model: Model, first: _Hits, settled: Orbits, longest: int) -> tuple[Orbits, bool]:
+def _nearest(search: Search, first: _Hits, settled: Orbits, longest: int) -> tuple[Orbits, bool]:
     """Return the orbit that the first impacts are on or near, if there is one, and True; else the settled one."""
     if settled and _distance(settled[0], first) <= ON:
         return ordered(settled), True
     nearest = min(CLOSE, *(_distance(orbit, first) for orbit in settled), math.inf)
     for back in first.returns(1, longest):
-        found = _solved(model, first, back)
+        found = _solved(search, first, back)
         if found and _distance(found[0], first) < (1.0 - ALIKE) * nearest:  # else it is the same orbit
             return found, True
     return settled, False
 
 
-def _approached(model: Model, design: Any, cell: Any) -> Orbits:
+def _approached(search: Search, cell: Any) -> Orbits:
     """Return the stable orbit that a motion is close to after some impacts; empty if there is none.
 
     Until its cycle is certain, a stiff system may take millions of steps more.
@@ -189,9 +180,9 @@ def _approached(model: Model, design: Any, cell: Any) -> Orbits:
                 break
             cell = cell.continuing(samples)
             skipped += further + 1
-        hits = _Hits(design, cell, 0, 2 * PASSING + 1)
+        hits = _Hits(cell, 0, 2 * PASSING + 1)
         for back in hits.returns(1, PASSING):
-            found = _solved(model, hits, back)
+            found = _solved(search, hits, back)
             if found and found[0].stable and (distance := _distance(found[0], hits, back.at)) <= SETTLED:
                 what = f"the motion from `near` settles to this {found[0].name} orbit"
                 found.message = f"{what}: after {skipped} impacts its distance from it is {distance:.1g}"
@@ -199,18 +190,14 @@ def _approached(model: Model, design: Any, cell: Any) -> Orbits:
     return Orbits()
 
 
-def _settled(model: Model, hits: _Hits, n: int, p: int) -> Orbits:
+def _settled(search: Search, hits: _Hits, n: int, p: int) -> Orbits:
     """Return the orbit of a motion that has settled, from the first impact of a cycle on."""
     if p > IMPACTS:
         message = f"the motion from `near` repeats after {p} impacts; orbits of up to {IMPACTS} are solved for"
         return Orbits(outcome="not_converged", message=message)
     if p > 0 and not hits.rests(p):
-        return _solved(model, hits, _smallest(hits, n, p))
-    if hits.design.forgets:
-        return one_mass.find(model, n, -1, NOTHING)
-    from vibroimpact.orbits.systems.sticking import find_sticking  # slower to import
-
-    return find_sticking(model, n, Guess.of(hits.state(0)))
+        return _solved(search, hits, _smallest(hits, n, p))
+    return search.from_motion(hits.cell, hits.skipped, n, -1)
 
 
 def _smallest(hits: _Hits, n: int, p: int) -> _Return:
@@ -220,16 +207,9 @@ def _smallest(hits: _Hits, n: int, p: int) -> _Return:
     return _Return(0.0, 0, p // parts, n // parts)
 
 
-def _solved(model: Model, hits: _Hits, back: _Return) -> Orbits:
+def _solved(search: Search, hits: _Hits, back: _Return) -> Orbits:
     """Return the admissible orbit that Newton's method reaches from the impacts before a return."""
-    if hits.design.forgets:
-        turns = hits.turns[back.at : back.at + back.p]
-        start = np.append(turns - math.floor(turns[0]), hits.part(back.at, back.p).velocities)
-        orbits: Orbits = one_mass.from_guess(model, Cycle(back.n, back.p), start)
-    else:
-        from vibroimpact.orbits.systems.search import from_near  # slower to import
-
-        orbits = from_near(model, back.n, back.p, Guess.of(hits.state(back.at)))
+    orbits = search.from_motion(hits.cell, hits.skipped + back.at, back.n, back.p)
     return orbits if orbits and orbits[0].admissible else Orbits(outcome=orbits.outcome, message=orbits.message)
 
 
@@ -238,11 +218,11 @@ def _distance(orbit: Any, hits: _Hits, at: int = 0) -> float:
     return orbit_distance(orbit, hits.part(at, len(orbit.velocities)))
 
 
-def _passed(model: Model, hits: _Hits, motion: Motion) -> Orbits:
+def _passed(search: Search, hits: _Hits, motion: Motion) -> Orbits:
     """Return the orbit that a motion which does not repeat comes closest to, of those of its closest returns."""
-    what = f"the motion from `near` is {motion.sentence(hits.design.period)}"
+    what = f"the motion from `near` is {motion.sentence(search.design.period)}"
     for back in hits.returns(SEEN, PASSING):
-        found = _solved(model, hits, back)
+        found = _solved(search, hits, back)
         if found and (distance := _distance(found[0], hits, back.at)) <= CLOSE:
             kind = "stable" if found[0].stable else "unstable"
             found.message = f"{what}; this {kind} {found[0].name} orbit is {distance:.2g} from some of its impacts"

@@ -7,13 +7,14 @@ the attractor reached from rest, and a grid over the impact surface.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from dataclasses import astuple
+from dataclasses import astuple, dataclass
 from functools import partial
 
 import numpy as np
 
-from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
+from vibroimpact.backends import Cells, ImpactWindow, Measurement, Samples, get_backend
 from vibroimpact.backends.scalar import outlast
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
@@ -23,48 +24,96 @@ from vibroimpact.orbits.distance import Impacts, equal_parts, points_of, same_or
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Orbit, family_of, phases_of
-from vibroimpact.orbits.results import Guess, Orbits, Solution, ordered, reached
+from vibroimpact.orbits.results import NOTHING, Guess, Orbits, Solution, ordered, reached
 from vibroimpact.parameters import counted, invalid, real_number
 
 
-def find(model: Model, n_periods: int, n_impacts: int, guess: Guess) -> Orbits:
-    """Return the period-n impact-p orbits of one mass: with one impact, sticking, or others from a guess."""
-    osc: ImpactOscillator = model.at()
-    cycle, impact = Cycle(n_periods, n_impacts), impact_of(osc, guess)
-    if cycle.n_impacts == -1:
-        from vibroimpact.orbits.sticking import find_sticking_orbit, why_none  # slower to import
+@dataclass(frozen=True)
+class OneMassSearch:
+    """The search for the periodic orbits of one mass in front of one rigid stop, a `Search`."""
 
-        sticking = find_sticking_orbit(model, cycle.n_periods)
-        return Orbits(sticking) if sticking else Orbits(outcome="none", message=why_none(osc, cycle.n_periods))
-    if cycle.n_impacts == 1 or osc.amplitude == 0.0:
-        solutions, why = impact_1_orbits(osc, cycle.n_periods)
-        if not solutions:
-            return Orbits(outcome="none", message=why)
-        return ordered(make_orbit(model, cycle, z) for z in solutions)
-    orbit = guess.orbit
-    if orbit is not None and orbit.oscillator.forgets and (orbit.n_periods, orbit.n_impacts) == astuple(cycle):
-        return from_guess(model, cycle, solution_of(orbit)[1])
-    if impact is None:
-        return _anywhere(model, cycle)
-    (chain,) = followed(osc, cycle, *np.array(impact)[:, None])
-    if chain is None:
-        few = f"fewer than {cycle.n_impacts} impacts follow from there; start where the mass hits more often"
-        return Orbits(outcome="not_converged", message=few)
-    return from_guess(model, cycle, as_cycle(chain))
+    model: Model
+
+    @property
+    def design(self) -> ImpactOscillator:
+        """The oscillator at the values of the model."""
+        osc: ImpactOscillator = self.model.at()
+        return osc
+
+    def of_type(
+        self,
+        n_periods: int,
+        n_impacts: int,
+        stops: tuple[int, ...] | None = None,
+        guess: Guess = NOTHING,
+        *,
+        symmetric: bool = False,
+    ) -> Orbits:
+        """Return the period-n impact-p orbits: with one impact, sticking, or others from a guess."""
+        if symmetric:
+            return Orbits(outcome="none", message="not symmetric: one stop has no mirror image")
+        osc, cycle = self.design, Cycle(n_periods, n_impacts if stops is None else len(stops))
+        impact = impact_of(osc, guess)
+        if cycle.n_impacts == -1:
+            from vibroimpact.orbits.sticking import find_sticking_orbit, why_none  # slower to import
+
+            sticking = find_sticking_orbit(self.model, n_periods)
+            return Orbits(sticking) if sticking else Orbits(outcome="none", message=why_none(osc, n_periods))
+        if cycle.n_impacts == 1 or osc.amplitude == 0.0:
+            solutions, why = impact_1_orbits(osc, n_periods)
+            if not solutions:
+                return Orbits(outcome="none", message=why)
+            return ordered(make_orbit(self.model, cycle, z) for z in solutions)
+        orbit = guess.orbit
+        if orbit is not None and orbit.oscillator.forgets and (orbit.n_periods, orbit.n_impacts) == astuple(cycle):
+            return self._from(cycle, solution_of(orbit)[1])
+        if impact is None:
+            return _anywhere(self.model, cycle)
+        (chain,) = followed(osc, cycle, *np.array(impact)[:, None])
+        if chain is None:
+            few = f"fewer than {cycle.n_impacts} impacts follow from there; start where the mass hits more often"
+            return Orbits(outcome="not_converged", message=few)
+        return self._from(cycle, as_cycle(chain))
+
+    def of_one_impact(self, n_periods: int, *, symmetric: bool = False) -> Iterator[Solution]:
+        """Yield the solutions with one impact in n periods; none is symmetric."""
+        osc, cycle = self.design, Cycle(n_periods, 1)
+        for z in impact_1_orbits(osc, n_periods)[0]:
+            orbit = partial(make_orbit, self.model, cycle, z)
+            yield Solution("", float(z[1]), partial(_attracts, osc, cycle, z), orbit)
+
+    def of_cycle(self, n_periods: int, samples: Samples, span: slice) -> Orbits:
+        """Return the orbits near the last of the sampled impacts of a cycle."""
+        phases, speeds = samples.impact_phase[span], samples.impact_velocity[span]
+        return self.of_type(n_periods, len(speeds), guess=Guess((float(phases[-1]), float(speeds[-1]))))
+
+    def from_motion(self, cell: Cells, skipped: int, n_periods: int, n_impacts: int) -> Orbits:
+        """Return the orbit that Newton's method reaches from impacts of a motion, or the one that sticks."""
+        if n_impacts == -1:
+            return self.of_type(n_periods, -1)
+        (samples,) = get_backend("cpu").samples(cell, Measurement(ImpactWindow(skipped, n_impacts)))
+        turns = samples.impact_periods + samples.impact_phase
+        start = np.append(turns - math.floor(turns[0]), samples.impact_velocity)
+        return self._from(Cycle(n_periods, n_impacts), start)
+
+    def state_of(self, guess: Guess) -> State:
+        """Return the state of a guess, at an impact where that is given as numbers."""
+        if guess.state is not None:
+            return guess.state
+        osc, impact = self.design, impact_of(self.design, guess)
+        assert impact is not None  # only where nothing was given
+        return State(osc.gap, impact[1], impact[0] % 1.0 * osc.period)
+
+    def _from(self, cycle: Cycle, start: Floats) -> Orbits:
+        """Return the orbit that Newton's method reaches."""
+        solved = solve(self.design, cycle, start)
+        return reached(solved, cycle.name, lambda z: make_orbit(self.model, cycle, from_hardest(cycle, z)))
 
 
 def solve(osc: ImpactOscillator, cycle: Cycle, start: Floats) -> Solved:
     """Return the solution that Newton's method reaches."""
     sizes, parameters = cycle.scales(osc, fastest_of(osc, start[cycle.n_impacts :])), parameters_of(osc)
     return newton.solve(partial(cycle.linearised, parameters), start, sizes, cycle.in_order)
-
-
-def of_one_impact(model: Model, n_periods: int) -> Iterator[Solution]:
-    """Yield the solutions with one impact in n periods."""
-    osc, cycle = model.at(), Cycle(n_periods, 1)
-    for z in impact_1_orbits(osc, n_periods)[0]:
-        orbit = partial(make_orbit, model, cycle, z)
-        yield Solution("", float(z[1]), partial(_attracts, osc, cycle, z), orbit)
 
 
 def _attracts(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> bool:
@@ -95,25 +144,12 @@ def impact_of(osc: ImpactOscillator, guess: Guess) -> tuple[float, float] | None
     return phase, speed
 
 
-def state_of(osc: ImpactOscillator, guess: Guess) -> State:
-    """Return the state at the impact given as an initial guess."""
-    impact = impact_of(osc, guess)
-    assert impact is not None  # only where nothing was given, or an orbit without impacts
-    return State(osc.gap, impact[1], impact[0] % 1.0 * osc.period)
-
-
 def _first_impact(osc: ImpactOscillator, state: State) -> tuple[float, float]:
     """Return phase and velocity of the first impact after a state in front of the stop."""
     (samples,) = get_backend("cpu").samples(osc.cells({}, state), Measurement(ImpactWindow(0, 1)))
     if not len(samples.impact_phase):
         raise invalid("near", state, "a state from which the mass hits the stop")
     return float(samples.impact_phase[0]), float(samples.impact_velocity[0])
-
-
-def from_guess(model: Model, cycle: Cycle, start: Floats) -> Orbits:
-    """Return the orbit that Newton's method reaches."""
-    solved = solve(model.at(), cycle, start)
-    return reached(solved, cycle.name, lambda z: make_orbit(model, cycle, from_hardest(cycle, z)))
 
 
 def _anywhere(model: Model, cycle: Cycle) -> Orbits:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from vibroimpact.backends import Samples
 from vibroimpact.cells import Floats
-from vibroimpact.model import State
+from vibroimpact.model import Model, State
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.distance import equal_parts, points_of
 from vibroimpact.orbits.newton import Solved
@@ -63,6 +64,35 @@ class Solution(NamedTuple):
     velocity: float
     may_attract: Callable[[], bool]
     orbit: Callable[[], Orbit]
+
+
+class Search(Protocol):
+    """A search for the periodic orbits of a model, of one mass or of systems, made once for each model."""
+
+    @property
+    def model(self) -> Model:
+        """The model whose orbits are sought, for a family at its own values."""
+
+    @property
+    def design(self) -> Any:
+        """The oscillator or system at these values."""
+
+    def of_type(
+        self, n_periods: int, n_impacts: int, stops: tuple[int, ...] | None, guess: Guess, *, symmetric: bool
+    ) -> Orbits:
+        """Return the orbits of a type: on any stops, on given ones in the order of time, or symmetric ones."""
+
+    def of_one_impact(self, n_periods: int, *, symmetric: bool = False) -> Iterator[Solution]:
+        """Yield the solutions with one impact on any stop and, if asked, those with one in each mirrored half."""
+
+    def of_cycle(self, n_periods: int, samples: Samples, span: slice) -> Orbits:
+        """Return the orbits near a motion that has settled, from the impacts of one cycle in its samples."""
+
+    def from_motion(self, cell: Any, skipped: int, n_periods: int, n_impacts: int) -> Orbits:
+        """Return the orbit that Newton's method reaches from the motion of a cell after some impacts."""
+
+    def state_of(self, guess: Guess) -> State | None:
+        """Return the state that a guess stands for, or None."""
 
 
 @dataclass(frozen=True)

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from vibroimpact.backends import Samples
 from vibroimpact.model import Model, check_model
 from vibroimpact.orbits import one_mass
-from vibroimpact.orbits.distance import orbit_distance
+from vibroimpact.orbits.distance import Impacts, orbit_distance, same_orbit
 from vibroimpact.orbits.near import orbit_near, state_of
 from vibroimpact.orbits.orbit import Orbit, family_of
-from vibroimpact.orbits.results import IMPACTS, Guess, Orbits, Solution, numbers_of, ordered
+from vibroimpact.orbits.results import IMPACTS, Guess, Orbits, Search, numbers_of, ordered
 from vibroimpact.parameters import invalid, truth, whole_number
 from vibroimpact.progress import reporter
 
 WITHOUT_PERIOD = "the load has no frequency, and so there is no driving period and no period-n orbit; see simulate"
+ALIKE = 5e-3  # `orbit_distance` of a settled motion from its orbit, within which they are the same
 AT_AN_ENERGY = ", or give `energy`: without loss and load, motions that repeat have periods of their own"
 
 
@@ -182,7 +184,7 @@ def find_orbit(
         raise invalid(
             "mode", mode, "omitted without `energy`", "it is the mode from which orbits of an energy are born"
         )
-    guess = Guess.of(state_of(near, design))
+    search, guess = search_of(osc), Guess.of(state_of(near, design))
     if not design.periodic:
         return Orbits(outcome="none", message=WITHOUT_PERIOD + ("" if design.energy_changes else AT_AN_ENERGY))
     if guess.only_state:
@@ -191,8 +193,8 @@ def find_orbit(
     if not (guess.none or typed):
         if guess.orbit is not None:
             return _of_its_type(osc, guess)
-        if guess.state is not None or design.forgets:
-            return orbit_near(osc, guess.state or one_mass.state_of(design, guess))
+        if (state := search.state_of(guess)) is not None:
+            return orbit_near(search, state)
     n = whole_number("n_periods", 1 if n_periods is None else n_periods, 1)
     p = whole_number("n_impacts", 1 if n_impacts is None else n_impacts, -1, IMPACTS)
     if p == 0:
@@ -203,22 +205,7 @@ def find_orbit(
         raise invalid("n_impacts", n_impacts, "omitted if `stops` or `symmetric` is given", "they determine it")
     struck = None if stops is None else numbers_of(stops, tuple(stop.name for stop in design.stops))
     with reporter(None, "orbits"):
-        return _found(osc, n, p, struck, guess, symmetric=symmetric)
-
-
-def _found(osc: Model, n: int, p: int, struck: tuple[int, ...] | None, guess: Guess, *, symmetric: bool) -> Orbits:
-    """Return the orbits of a request that was checked."""
-    if osc.at().forgets:
-        if symmetric:
-            return Orbits(outcome="none", message="not symmetric: one stop has no mirror image")
-        return one_mass.find(osc, n, p if struck is None else len(struck), guess)
-    from vibroimpact.orbits.systems import search as systems  # slower to import
-
-    if guess.orbit is not None and guess.orbit.oscillator.forgets:
-        guess = Guess.of(guess.state)  # an orbit of one mass gives no more than a state of a system
-    if symmetric or struck is not None:
-        return systems.striking(osc, n, struck, guess, symmetric=symmetric)
-    return systems.find(osc, n, p, guess)
+        return search.of_type(n, p, struck, guess, symmetric=symmetric)
 
 
 def _of_its_type(model: Model, guess: Guess) -> Orbits:
@@ -231,16 +218,25 @@ def _of_its_type(model: Model, guess: Guess) -> Orbits:
     return ordered(sorted(found, key=partial(orbit_distance, orbit))[:1]) if attractor and found else found
 
 
-def of_one_impact(model: Model, n_periods: int, *, symmetric: bool = False) -> Iterable[Solution]:
-    """Return the solutions with one impact on any stop and, if asked, those with one in each mirrored half."""
+def search_of(model: Model) -> Search:
+    """Return the search for the orbits of a model: closed forms and the engine of one mass serve where they can."""
     if model.at().forgets:
-        return one_mass.of_one_impact(model, n_periods)
-    from vibroimpact.orbits.systems import search as systems
+        return one_mass.OneMassSearch(model)
+    from vibroimpact.orbits.systems.search import SystemSearch  # slower to import
 
-    return systems.of_one_impact(model, n_periods, symmetric=symmetric)
+    return SystemSearch(model)
 
 
 def stable_orbits(model: Model, n_periods: int) -> list[Orbit]:
     """Return the stable period-n impact-1 orbits of a model, the hardest first; few of the others are constructed."""
-    orbits = (solution.orbit() for solution in of_one_impact(model, n_periods) if solution.may_attract())
+    solutions = search_of(model).of_one_impact(n_periods)
+    orbits = (solution.orbit() for solution in solutions if solution.may_attract())
     return sorted((orbit for orbit in orbits if orbit.stable), key=lambda orbit: -max(orbit.velocities))
+
+
+def settled_orbit(model: Model, n_periods: int, samples: Samples, span: slice) -> Orbit | None:
+    """Return the stable orbit of a motion that has settled, from the impacts of one cycle in its samples."""
+    impacts = Impacts(samples.impact_phase[span], samples.impact_velocity[span])
+    found = search_of(model).of_cycle(n_periods, samples, span)
+    alike = [orbit for orbit in found if orbit.stable and same_orbit(orbit, impacts, tolerance=ALIKE)]
+    return min(alike, key=partial(orbit_distance, impacts), default=None)

@@ -14,13 +14,11 @@ import numpy as np
 
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.coexistence.measuring import Runner, carried
-from vibroimpact.coexistence.striking import solved
 from vibroimpact.continuation.branch import walk
 from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import Way
-from vibroimpact.orbits.distance import Impacts
-from vibroimpact.orbits.systems import ended
-from vibroimpact.verdict.present import MOST_IMPACTS, Coexisting, Present, stable_cycle
+from vibroimpact.orbits.search import settled_orbit
+from vibroimpact.verdict.present import MOST_IMPACTS, Coexisting, Present
 from vibroimpact.verdict.ranges import Range
 
 STEP = 0.01  # of the range, a period, or the speed: the longest step along a branch of one mass near a bifurcation
@@ -42,15 +40,13 @@ def _orbit_of(present: Present, motion: Coexisting, runner: Runner) -> Any:
         return None
     samples: Any
     (samples,) = runner.samples(carried(oscillator, motion.start), ImpactWindow(0, MOST_IMPACTS + 1))
-    turns, speeds = samples.impact_periods + samples.impact_phase, samples.impact_velocity
+    turns = samples.impact_periods + samples.impact_phase
     if len(turns) <= MOST_IMPACTS:
         return None
     p = int(np.searchsorted(turns, turns[0] + n - WHOLE))
     if p > MOST_IMPACTS:
         return None
-    if oscillator.forgets:
-        return stable_cycle(present.model, n, p, Impacts(samples.impact_phase[:p], speeds[:p]))
-    return solved(present.model, n, samples.impact_stop[:p], turns[:p], speeds[:p], ended(oscillator, samples))
+    return settled_orbit(present.model, n, samples, slice(0, p))
 
 
 class LazyBranch:

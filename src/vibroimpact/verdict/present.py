@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any
 
 from vibroimpact.backends import Cells, ImpactWindow
@@ -19,13 +18,12 @@ from vibroimpact.labels import labelled_impacts
 from vibroimpact.model import Model, State
 from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.motion.recognition import recognise
-from vibroimpact.orbits import Orbit, find_orbit, orbit_distance, same_orbit
-from vibroimpact.orbits.distance import Impacts
+from vibroimpact.orbits import find_orbit, same_orbit
 from vibroimpact.orbits.orbit import family_of
+from vibroimpact.orbits.search import ALIKE, settled_orbit
 
 STEP_LIMIT = 1 << 29  # certified steps of one mass around a motion: five times those of the dearest of usual designs
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
-ALIKE = 5e-3  # `orbit_distance` from the settled motion within which an orbit or attractor is the same
 MOST_IMPACTS = 16  # in a cycle that is still solved for
 
 
@@ -100,8 +98,9 @@ def _by_impacts(model: Model, runner: Runner) -> Present:
         orbit = next(iter(find_orbit(model, n_periods=measured.n_periods or 1, n_impacts=-1)), None)
     if measured.motion_class.hits and measured.n_periods:
         if measured.motion_class != MotionClass.STICKING:
-            hits = Impacts(samples.impact_phase, samples.impact_velocity)
-            orbit = stable_cycle(model, measured.n_periods, measured.n_impacts, hits)
+            p = measured.n_impacts
+            if p <= min(MOST_IMPACTS, len(samples.impact_phase)):
+                orbit = settled_orbit(model, measured.n_periods, samples, slice(-p, None))
         if orbit is not None and not orbit.sticks:
             motion = replace(motion, velocities=orbit.velocities, phases=orbit.phases)
         else:
@@ -126,20 +125,6 @@ def _by_states(model: Model, runner: Runner) -> Present:
         return Present(model, system, final, motion, None, system.rest)
     orbit = attractor.known_orbit and replace(attractor.known_orbit, family=family_of(model))
     return Present(model, system, final, attractor.motion, orbit, attractor.start, attractor=attractor)
-
-
-def stable_cycle(model: Model, n_periods: int, n_impacts: int, impacts: Impacts) -> Orbit | None:
-    """Return the stable orbit of a settled motion, from its last impacts."""
-    if n_impacts > MOST_IMPACTS or len(impacts.velocities) < n_impacts:
-        return None
-    last = Impacts(*(column[-n_impacts:] for column in impacts))
-    near = float(last.phases[-1]), float(last.velocities[-1])
-    orbits = [
-        orbit
-        for orbit in find_orbit(model, n_periods=n_periods, n_impacts=n_impacts, near=near)
-        if orbit.stable and same_orbit(orbit, last, tolerance=ALIKE)
-    ]
-    return min(orbits, key=partial(orbit_distance, last), default=None)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from vibroimpact.model.elements import Contact
 from vibroimpact.orbits.orbit import Orbit, Rest
 from vibroimpact.orbits.systems.orbit import at_first_contact, make_orbit
-from vibroimpact.orbits.systems.search import ended, find_near, settled
 
 SystemOrbit = Orbit  # its name before all models had one class of orbits
 
@@ -12,8 +11,5 @@ __all__ = [
     "Rest",
     "SystemOrbit",
     "at_first_contact",
-    "ended",
-    "find_near",
     "make_orbit",
-    "settled",
 ]
