@@ -7,7 +7,7 @@ from numba import njit
 import vibroimpact as vi
 from contents import differing
 from systems import between_stops, chain, one_mass, sticking
-from vibroimpact.indices import INDICES, VELOCITY_INDICES
+from vibroimpact.indices import FORCES, INDICES, VELOCITY_INDICES
 from vibroimpact.kernels.cell import Cell, prepare
 from vibroimpact.kernels.flight import flow, product
 from vibroimpact.kernels.law import saltation
@@ -65,8 +65,8 @@ def test_every_index_of_the_paper_s_maps_is_the_same_with_and_without(parameter)
     assert closed.attrs["steps_computed"] < 0.4 * stepped.attrs["steps_computed"]
 
 
-@pytest.mark.long(but=4)
-@EITHER
+@pytest.mark.long(but=6)
+@pytest.mark.parametrize("indices", [SPEEDS, ALL, tuple(FORCES)], ids=["speeds", "all", "forces"])
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_every_index_of_a_system_is_the_same_with_and_without(name, indices):
     model, omega = SYSTEMS[name]

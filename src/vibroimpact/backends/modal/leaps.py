@@ -45,7 +45,7 @@ def _prepare(k: Layout, table: Floats) -> None:
     _block(table, k.barrier, s)[:] = _barriers(k, table)
     power = np.linalg.norm(np.sqrt(weight) * swing, axis=-1)
     table[:, k.growth] = 1.0 / np.maximum(power, np.finfo(float).tiny)
-    if k.draining or k.swinging:
+    if k.swinging:
         return  # every step is made, and none leapt over
     lift, swings = _lift(square, load, force, motion, alpha, theta)
     _block(table, k.lift, s, n + 1 + 2 * m)[:] = lift
