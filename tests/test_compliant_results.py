@@ -210,7 +210,7 @@ def test_a_map_of_forces_is_told_stored_and_drawn(run, tmp_path):
         (f"section {OWN} -p buffer_damping=-1", "`buffer_damping` must be"),
         (f"section {OWN} -p buffer_restitution=0.5", "unknown parameter 'buffer_restitution'"),
         (f"map {OWN} --x omega=1:2:3 --by-stop --out map.png", "a figure shows one stop; with --by-stop write data"),
-        ("map --x omega=1:2:3 --indices max_force", "`max_force` is an index of systems"),
+        ("map --x omega=1:2:3 --indices max_force", "`max_force` needs a compliant stop"),
         (
             "map --model two_sided_oscillator --x frequency=20:30:3 --indices max_force",
             "`max_force` needs a compliant stop",

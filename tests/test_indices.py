@@ -9,7 +9,8 @@ from scipy.linalg import expm
 import vibroimpact as vi
 from designs import orbit_of_one_impact
 from oracles.one_impact import trace, transition
-from vibroimpact.indices import EVERY, FORCES, INDICES, VELOCITY_INDICES
+from systems import one_mass
+from vibroimpact.indices import EVERY, INDICES, VELOCITY_INDICES
 from vibroimpact.report import sentences_of
 
 ALL = tuple(INDICES)
@@ -545,7 +546,7 @@ def test_hysteresis_shows_in_the_names_of_up_and_down_sweeps():
 @pytest.mark.parametrize(
     ("model", "axis", "absent"),
     [
-        (vi.ImpactOscillator(), {"omega": [2.0, 2.5]}, {*FORCES, "rms_force"}),
+        (vi.ImpactOscillator(), {"omega": [2.0, 2.5]}, {"max_force", "rms_force"}),
         (vi.family(vi.models.bilinear_oscillator), {"frequency": [10.0, 12.0]}, set()),
         (vi.family(vi.models.two_sided_oscillator), {"frequency": [24.0, 25.0]}, {"max_force", "rms_force"}),
     ],
@@ -581,8 +582,30 @@ def test_all_indices_of_a_back_end_are_those_that_it_computes():
         vi.parameter_map(vi.ImpactOscillator(), indices=["lyapunov"], backend="fixed-step", **window)
 
 
+def test_forces_and_powers_of_one_mass_balance_its_momentum_and_energy_over_a_cycle():
+    """The stop's mean force is -k <y>; stop and damper take what the first harmonic of y takes from the load."""
+    names, closed = ("mean_force", "work_rate", "damper_rate", "mean", "harmonic_amplitude", "harmonic_phase"), 0
+    omega = np.linspace(0.6, 5.0, 30)
+    for osc in (
+        OSC,
+        vi.ImpactOscillator(mass=2.0, damping=0.3, stiffness=5.0, amplitude=4.0, restitution=0.6, gap=-0.2),
+    ):
+        how = {"omega": osc.natural_frequency * omega, "transient_impacts": 2000, "sample_impacts": 841}
+        one = vi.parameter_map(osc, indices=[*names, "std", "n_impacts"], of=0, **how)
+        cycle = ((one["status"] == vi.Status.CLOSED) & (840 % one["n_impacts"].clip(1) == 0)).values
+        force, work, damper, mean, size, phase = (one[name].values[cycle] for name in names)
+        assert force == pytest.approx(-osc.stiffness * mean, rel=1e-9)
+        power = -0.5 * osc.amplitude * how["omega"][cycle] * size * np.sin(phase)
+        assert work + damper == pytest.approx(power, rel=1e-9)
+        closed += len(force)
+        same = vi.parameter_map(one_mass(osc), indices=names, of=0, **how)
+        for name in names:
+            np.testing.assert_allclose(one[name], same[name], rtol=1e-12, err_msg=name)
+    assert closed >= 30
+
+
 def test_indices_none_of_which_the_model_has_are_refused():
-    with pytest.raises(ValueError, match="`mean_force` is an index of systems; write the oscillator as"):
-        vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], indices=["mean_force", "max_force"])
+    with pytest.raises(ValueError, match="`max_force` needs a compliant stop; the force of a rigid one has no largest"):
+        vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], indices=["max_force", "rms_force"])
     with pytest.raises(ValueError, match="unknown index 'alle'; choose from std"):
         vi.parameter_map(vi.ImpactOscillator(), omega=[2.0], indices="alle")

@@ -116,8 +116,6 @@ OF_PERIODS = (
 
 def without_value(name: str, model: Any, of: Any = ()) -> str:
     """Return the reason why a model has no value of an index, or "". `of` None: no displacement is named."""
-    if name in FORCES and getattr(model, "forgets", False):
-        return f"`{name}` is an index of systems; write the oscillator as an ImpactSystem"
     if name in ("max_force", "rms_force") and all(stop.element.instantaneous for stop in getattr(model, "stops", ())):
         return f"`{name}` needs a compliant stop; the force of a rigid one has no largest value"
     if name in OF_PERIODS and not getattr(model, "periodic", True):

@@ -71,9 +71,10 @@ def parameter_map(
         -inf for motions that stick; `n_periods` and `n_impacts`, the type of the cycle, 0 if none was found,
         n_impacts = -1 for complete chatter; `dissipation` (J per period); `stick_fraction`; `impact_phase_spread` =
         1 - \|<exp 2 pi i phase>\|; `grazing_margin` (m), the gap left at the closest near-miss, inf without one.
-        For systems: `mean_force`, `max_force` (N), `work_rate` and `damper_rate` (W). Of a displacement over one cycle:
-        `amplitude` (half peak to peak), `rms`, `mean`, `harmonic_amplitude` (m) and `harmonic_phase` (rad) of the part
-        Y sin(wt + phase); `rms_force` (N) of compliant stops. "all" are those that the back end computes.
+        Over the impacts kept: `mean_force`, `max_force` of compliant stops (N), `work_rate` and `damper_rate` (W). Of a
+        displacement over one cycle: `amplitude` (half peak to peak), `rms`, `mean`, `harmonic_amplitude` (m) and
+        `harmonic_phase` (rad) of the part Y sin(wt + phase); `rms_force` (N) of compliant stops. "all" are those that
+        the back end computes.
     backend : str
         Name of the back end; `time_step` in s is for "fixed-step" only. All except "cpu" take only one mass with one
         fixed rigid stop, driven at one frequency, which may be given as an `ImpactSystem`.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from vibroimpact.backends import one_mass, scalar
 from vibroimpact.backends.base import Backend, Counts, Measurement, Outcome, Samples
 from vibroimpact.cells import Cells
-from vibroimpact.indices import INDICES, RESPONSES
+from vibroimpact.indices import FORCES, INDICES, RESPONSES
 from vibroimpact.kernels.vectors import LANES
 from vibroimpact.model.system_cells import SystemCells
 
@@ -44,15 +45,20 @@ class CpuBackend(Backend):
     ) -> Callable[[Callable[[], bool]], Iterator[tuple[Counts, Outcome]]]:
         """Return the work of a thread, which loads cells into its own lanes until none is left."""
         sweeps = list(_sweeps(cells, measurement))
+        forces = tuple(name for name in measurement.indices if name in FORCES)
 
         def work(stopped: Callable[[], bool]) -> Iterator[tuple[Counts, Outcome]]:
             for rows, sweep in sweeps:
-                for done in _together(sweep.finished(stopped)) if measurement.swings else sweep.finished(stopped):
+                of_forces = replace(measurement, indices=forces) if isinstance(sweep, scalar.Sweep) and forces else None
+                again = measurement.swings or of_forces is not None
+                for done in _together(sweep.finished(stopped)) if again else sweep.finished(stopped):
                     outcome = sweep.outcome(done)
                     if measurement.swings:
                         outcome |= _swings(cells[rows[done]], sweep, done, outcome["status"], measurement, stopped)
-                        if stopped():
-                            return  # they may not have been followed to their end
+                    if of_forces is not None:
+                        outcome |= _forces(cells[rows[done]], outcome["steps"], of_forces, stopped)
+                    if again and stopped():
+                        return  # they may not have been followed to their end
                     yield rows[done], outcome
 
         return work
@@ -114,6 +120,20 @@ def _swings(
     if isinstance(sweep, scalar.Sweep):
         return of_one_mass(cells, sweep, done, status, measurement, stopped)
     return swings(sweep.settled(done), status, measurement, stopped)
+
+
+def _forces(cells: Cells, steps: Counts, measurement: Measurement, stopped: Callable[[], bool]) -> Outcome:
+    """Return the indices of forces of one mass, by the engine of systems, and the certified steps in all."""
+    from vibroimpact.backends.modal.sweep import SystemSweep  # compiled on first use
+
+    if not isinstance(cells, SystemCells):
+        turns = cells["periods"] + cells["phase"]
+        cells = one_mass.resumed(one_mass.as_systems(cells), cells["clearance"], cells["velocity"], turns)
+    sweep = SystemSweep(cells, measurement)
+    for _ in sweep.finished(stopped):
+        pass
+    outcome = sweep.outcome(slice(None))
+    return {name: outcome[name] for name in measurement.indices} | {"steps": steps + outcome["steps"]}
 
 
 def create() -> CpuBackend:

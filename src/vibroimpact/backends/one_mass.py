@@ -29,7 +29,7 @@ from vibroimpact.backends.base import (
     with_stop_axis,
 )
 from vibroimpact.cells import Cells
-from vibroimpact.indices import INDICES, RESPONSES
+from vibroimpact.indices import EVERY
 from vibroimpact.model.elements import BLOCKS
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.system_cells import SystemCells
@@ -62,7 +62,7 @@ def is_one_mass(cells: SystemCells) -> NDArray[np.bool_]:
 
 def served(cells: SystemCells, measurement: Measurement) -> NDArray[np.bool_]:
     """Return which cells the engine of one mass can compute with the requested measurement."""
-    able = INDICES.keys() | RESPONSES.keys() >= set(measurement.indices)
+    able = EVERY.keys() >= set(measurement.indices)
     return is_one_mass(cells) if able else np.zeros(len(cells), bool)
 
 

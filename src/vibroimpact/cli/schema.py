@@ -264,8 +264,8 @@ _what = partial(Option, panel="What to compute")
 
 INDICES = _what(
     "indices", "NAMES",
-    f"Comma-separated: {', '.join(indices.INDICES | indices.RESPONSES)}; for systems also "
-    f"{', '.join(indices.FORCES)}; or all. (default: std; for a diagram: none)", table="run", check=_indices,
+    f"Comma-separated: {', '.join(indices.EVERY)}; or all. (default: std; for a diagram: none)", table="run",
+    check=_indices,
     read=lambda text: indices.ALL if text.strip() == indices.ALL else words(text),
 )  # fmt: skip
 _SECTIONS = (
