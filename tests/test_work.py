@@ -12,7 +12,7 @@ from vibroimpact.backends import ImpactWindow, Measurement, get_backend
 from vibroimpact.kernels.systems import march
 from vibroimpact.kernels.systems.pressed import repetition_is_due
 from vibroimpact.orbits import flow
-from vibroimpact.orbits.search import stable_orbits
+from vibroimpact.orbits.search import search_of, stable_orbits
 from vibroimpact.orbits.systems import admissibility
 
 OSC = vi.ImpactOscillator()
@@ -141,7 +141,7 @@ def test_stable_orbits_of_twenty_stops_are_found_without_testing_each_solution_a
     tube, seen = vi.models.tube_in_many_supports(supports=10, modes=12), []
     spy = lambda *given: seen.append(given) or admissibility.objection(*given)  # noqa: E731
     monkeypatch.setattr("vibroimpact.orbits.systems.orbit.objection", spy)
-    assert stable_orbits(tube, 1) == [] == stable_orbits(tube, 3)
+    assert stable_orbits(search_of(tube), 1) == [] == stable_orbits(search_of(tube), 3)
     assert not seen
     assert len(vi.find_orbit(tube)) == len(seen) == 16  # each with its reason
 
@@ -152,6 +152,6 @@ def test_stable_orbits_are_those_of_all_orbits():
     for model in [*machines, *(systems.on_springs(rng) for _ in range(8)), systems.a_random_system(rng, 2)]:
         for n in range(1, 5):
             stable = [each for each in vi.find_orbit(model, n_periods=n) if each.stable]
-            assert stable_orbits(model, n) == stable
+            assert stable_orbits(search_of(model), n) == stable
             number += len(stable)
     assert number >= 5

@@ -76,8 +76,8 @@ def parameter_map(
         `harmonic_phase` (rad) of the part Y sin(wt + phase); `rms_force` (N) of compliant stops. "all" are those that
         the back end computes.
     backend : str
-        Name of the back end; `time_step` in s is for "fixed-step" only. All except "cpu" take only one mass with one
-        fixed rigid stop, driven at one frequency, which may be given as an `ImpactSystem`.
+        Name of the back end; `time_step` in s is for "fixed-step" only. "cpu" and "reference" take any model, the
+        others one mass with one fixed rigid stop, driven at one frequency, which may be given as an `ImpactSystem`.
     transient_impacts, sample_impacts : int, >= 0 and >= 1
         Impacts to skip, then to keep, in every cell.
     start : State, list of State or int, optional

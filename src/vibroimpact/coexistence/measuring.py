@@ -21,7 +21,7 @@ from vibroimpact.kernels.cell import MOST
 from vibroimpact.model import Model, State
 from vibroimpact.motion import Motion, MotionClass, decide
 from vibroimpact.options import Tolerances
-from vibroimpact.orbits.search import stable_orbits
+from vibroimpact.orbits.search import search_of, stable_orbits
 from vibroimpact.orbits.sticking import CREST
 from vibroimpact.parameters import PACE, invalid
 from vibroimpact.progress import duration
@@ -86,7 +86,8 @@ def spread_cells(cell: Cells, number: int = SPREAD) -> Cells:
 
 def orbit_cells(osc: Model) -> list[Cells]:
     """Return an impact of each stable orbit of one impact in up to 16 periods; these are known in closed form."""
-    return [carried(osc, orbit.start) for n in range(1, ONE_IMPACT_PERIODS + 1) for orbit in stable_orbits(osc, n)]
+    search, periods = search_of(osc), range(1, ONE_IMPACT_PERIODS + 1)
+    return [carried(osc, orbit.start) for n in periods for orbit in stable_orbits(search, n)]
 
 
 def carried(osc: Any, start: State) -> Cells:

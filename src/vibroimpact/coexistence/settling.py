@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,8 @@ from vibroimpact.coexistence.measuring import Measured, Runner, identifying, nam
 from vibroimpact.indices import INDICES
 from vibroimpact.matrices import ROUNDING, block_matrix
 from vibroimpact.motion import MotionClass, decide, may_wind
+from vibroimpact.orbits.results import Search
+from vibroimpact.orbits.search import search_of
 from vibroimpact.status import Status
 
 ROUNDS = 3  # in which motions that do not repeat are followed further
@@ -65,6 +67,11 @@ class Settled:
     indices: dict[str, NDArray[Any]]
     passing: Floats
 
+    @cached_property
+    def search(self) -> Search:
+        """The search for the orbits of the model."""
+        return search_of(self.osc)
+
     @classmethod
     def of(cls, osc: Design, cells: Cells) -> Settled:
         """Return the initial state, in which nothing is known."""
@@ -87,11 +94,29 @@ class Settled:
         self.indices["kept"][at] = kept
         hit = np.where(outcome["n_periods"] == 0, outcome["max_velocity"], 0.0)
         self.passing[at] = np.fmax(self.passing[at], hit)
-        self.kind[at] = attracting_kinds(self.osc, outcome, kept)
+        self.kind[at] = self._kinds(outcome, kept)
         self.status[at] = _plain(outcome["status"], self.kind[at])
         if not self.osc.forgets:  # what repeats without a loss, or without force, is no cycle of an attractor
             unnamed = at[~np.isin(self.kind[at], (MotionClass.PERIODIC, MotionClass.STICKING))]
             self.indices["n_periods"][unnamed] = self.indices["n_impacts"][unnamed] = 0
+
+    @cached_property
+    def _model(self) -> tuple[NDArray[np.int8], int, bool]:
+        """What motions of each kind settle to, bits of the stops struck without loss, and whether motions may wind."""
+        lossless = int(lasting_stops(self.osc) @ (1 << np.arange(len(self.osc.stops))))
+        return attracting_kinds(self.osc), lossless, may_wind(self.osc)
+
+    def _kinds(self, outcome: Outcome, kept: int) -> NDArray[np.int8]:
+        """Return the kind of motion that each cell settles to, from the outcome of a window of `kept` impacts."""
+        settles_to, lossless, winds = self._model
+        growth = outcome["lyapunov_per_impact"] * kept
+        kinds = decide(outcome["status"], growth, outcome["n_periods"], outcome["n_impacts"], kept if winds else 0)
+        attracting: NDArray[np.int8] = settles_to[kinds]
+        # Hits may last without loss: motions that hit as hard do not approach each other.
+        struck = outcome.get("struck", np.ones_like(outcome["n_impacts"]))  # one bit a stop, if there are several
+        lasts = struck & lossless != 0
+        attracting[lasts & np.isin(kinds, (MotionClass.UNDECIDED, *_LASTING))] = MotionClass.UNDECIDED
+        return attracting
 
     def follow(self, at: Counts, fate: Fate) -> None:
         """Continue motions that have rested as perturbed releases continue."""
@@ -273,15 +298,13 @@ def clusters(columns: Sequence[tuple[Floats, float]]) -> list[Counts]:
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
-def attracting_kinds(osc: Design, outcome: Outcome, kept: int) -> NDArray[np.int8]:
-    """Return the kind of motion that each cell settles to, from the outcome of a window of `kept` impacts.
+def attracting_kinds(osc: Design) -> NDArray[np.int8]:
+    """Return what a motion of each kind settles to.
 
-    The model adds to the rule of `classify`: impacts that last without loss attract nothing. Without a force a mass
-    comes to rest, unless it continues to swing, undamped, just clear of the stop; all other motions that still hit are
-    dying out, even if impacts return to within 1e-7 V.
+    The model adds to the rule of `classify`: without a force a mass comes to rest, unless it continues to swing,
+    undamped, just clear of the stop; all other motions that still hit are dying out, even if impacts return to within
+    1e-7 V.
     """
-    growth = outcome["lyapunov_per_impact"] * kept
-    kinds = decide(outcome["status"], growth, outcome["n_periods"], outcome["n_impacts"], kept if may_wind(osc) else 0)
     forced, damped, touching = _loads(osc)
     settles_to = np.arange(len(MotionClass), dtype=np.int8)
     settles_to[[MotionClass.BUDGET, MotionClass.INTERRUPTED]] = MotionClass.UNDECIDED
@@ -291,12 +314,7 @@ def attracting_kinds(osc: Design, outcome: Outcome, kept: int) -> NDArray[np.int
         settles_to[MotionClass.NO_IMPACT] = MotionClass.AT_REST if damped else MotionClass.NO_IMPACT
         if not osc.forgets:
             settles_to[[MotionClass.UNDECIDED, *_LASTING]] = settles_to[MotionClass.DECAYING]
-    attracting: NDArray[np.int8] = settles_to[kinds]
-    # Hits may last without loss: motions that hit as hard do not approach each other.
-    struck = outcome.get("struck", np.ones_like(outcome["n_impacts"]))  # one bit a stop; the only one where none says
-    lasts = struck & lasting_stops(osc) @ (1 << np.arange(len(osc.stops))) != 0
-    attracting[lasts & np.isin(kinds, (MotionClass.UNDECIDED, *_LASTING))] = MotionClass.UNDECIDED
-    return attracting
+    return settles_to
 
 
 def _loads(osc: Design) -> tuple[bool, bool, bool]:

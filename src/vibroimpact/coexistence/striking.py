@@ -208,7 +208,7 @@ def follow(runner: Runner, settled: Settled, at: int, others: Sequence[SettledMo
         if alike(other, cycle, other.tolerance):
             return other
     plain = p > 0 and not len(samples.rest_stop) and not samples.impact_simultaneous.any()
-    orbit = settled_orbit(system, n, samples, span) if plain and len(stops) <= SOLVED else None
+    orbit = settled_orbit(settled.search, n, samples, span) if plain and len(stops) <= SOLVED else None
     if orbit is None:
         first_hit = sampled(runner, settled, at, ImpactWindow(settling, first + 1))
         return replace(cycle, start=first_hit.last_state(system.period))

@@ -26,7 +26,7 @@ from vibroimpact.motion.classes import classify
 from vibroimpact.orbits.equations import Cycle, Floats
 from vibroimpact.orbits.one_mass import make_orbit
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.orbits.search import settled_orbit
+from vibroimpact.orbits.search import search_of, settled_orbit
 from vibroimpact.orbits.sticking_end import StickingEnd, end_of_sticking
 from vibroimpact.progress import Report
 from vibroimpact.sweeps import parameter_map
@@ -220,7 +220,7 @@ def _orbit_of(model: Model, n: int, p: int) -> Orbit | None:
     """Return the cycle to which the motion from rest settles; None if it is not a stable one of that type."""
     window = ImpactWindow(WINDOW.transient + WINDOW.keep - p, p)
     (samples,) = get_backend("cpu").samples(model.at().cells({}), Measurement(window))
-    return settled_orbit(model, n, samples, slice(0, p)) if len(samples.impact_phase) == p else None
+    return settled_orbit(search_of(model), n, samples, slice(0, p)) if len(samples.impact_phase) == p else None
 
 
 def _end_of_orbit(orbit: Orbit, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:

@@ -227,16 +227,16 @@ def search_of(model: Model) -> Search:
     return SystemSearch(model)
 
 
-def stable_orbits(model: Model, n_periods: int) -> list[Orbit]:
+def stable_orbits(search: Search, n_periods: int) -> list[Orbit]:
     """Return the stable period-n impact-1 orbits of a model, the hardest first; few of the others are constructed."""
-    solutions = search_of(model).of_one_impact(n_periods)
+    solutions = search.of_one_impact(n_periods)
     orbits = (solution.orbit() for solution in solutions if solution.may_attract())
     return sorted((orbit for orbit in orbits if orbit.stable), key=lambda orbit: -max(orbit.velocities))
 
 
-def settled_orbit(model: Model, n_periods: int, samples: Samples, span: slice) -> Orbit | None:
+def settled_orbit(search: Search, n_periods: int, samples: Samples, span: slice) -> Orbit | None:
     """Return the stable orbit of a motion that has settled, from the impacts of one cycle in its samples."""
     impacts = Impacts(samples.impact_phase[span], samples.impact_velocity[span])
-    found = search_of(model).of_cycle(n_periods, samples, span)
+    found = search.of_cycle(n_periods, samples, span)
     alike = [orbit for orbit in found if orbit.stable and same_orbit(orbit, impacts, tolerance=ALIKE)]
     return min(alike, key=partial(orbit_distance, impacts), default=None)

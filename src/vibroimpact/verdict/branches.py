@@ -17,7 +17,7 @@ from vibroimpact.coexistence.measuring import Runner, carried
 from vibroimpact.continuation.branch import walk
 from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import Way
-from vibroimpact.orbits.search import settled_orbit
+from vibroimpact.orbits.search import search_of, settled_orbit
 from vibroimpact.verdict.present import MOST_IMPACTS, Coexisting, Present
 from vibroimpact.verdict.ranges import Range
 
@@ -46,7 +46,7 @@ def _orbit_of(present: Present, motion: Coexisting, runner: Runner) -> Any:
     p = int(np.searchsorted(turns, turns[0] + n - WHOLE))
     if p > MOST_IMPACTS:
         return None
-    return settled_orbit(present.model, n, samples, slice(0, p))
+    return settled_orbit(search_of(present.model), n, samples, slice(0, p))
 
 
 class LazyBranch:

@@ -20,7 +20,7 @@ from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.motion.recognition import recognise
 from vibroimpact.orbits import find_orbit, same_orbit
 from vibroimpact.orbits.orbit import family_of
-from vibroimpact.orbits.search import ALIKE, settled_orbit
+from vibroimpact.orbits.search import ALIKE, search_of, settled_orbit
 
 STEP_LIMIT = 1 << 29  # certified steps of one mass around a motion: five times those of the dearest of usual designs
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
@@ -100,7 +100,7 @@ def _by_impacts(model: Model, runner: Runner) -> Present:
         if measured.motion_class != MotionClass.STICKING:
             p = measured.n_impacts
             if p <= min(MOST_IMPACTS, len(samples.impact_phase)):
-                orbit = settled_orbit(model, measured.n_periods, samples, slice(-p, None))
+                orbit = settled_orbit(search_of(model), measured.n_periods, samples, slice(-p, None))
         if orbit is not None and not orbit.sticks:
             motion = replace(motion, velocities=orbit.velocities, phases=orbit.phases)
         else:
