@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from systems import a_random_machine, on_springs, sticking, two_sided
+from systems import a_random_machine, drawn, on_springs, sticking, two_sided
 from vibroimpact.orbits import orbit_distance, same_orbit
+from vibroimpact.orbits.distance import Impacts
 
 CHAOS = vi.ImpactOscillator(omega=2.8)
 RESTING = vi.ImpactOscillator(omega=0.1)
@@ -101,6 +102,21 @@ def test_the_orbit_nearest_to_a_chaotic_section_is_one_that_the_motion_passes_by
     angle = 2.0 * np.pi * (phases - found.phases[0])
     apart = np.hypot(2.0 * np.sin(angle / 2.0), (speeds - found.velocities[0]) / speeds.max())
     assert apart.min() < 0.05
+
+
+@pytest.mark.long(but=2)
+@pytest.mark.parametrize("seed", [5, 9, 0, 2, 4, 7, 13, 15, 20, 23, 25, 26])
+def test_the_motion_from_rest_of_any_system_settles_to_the_orbit_found_or_passes_it(seed):
+    model, _, _ = drawn(np.random.default_rng([41, seed]), of_any_kind=True)
+    found = vi.find_orbit(model, near=model.rest)
+    assert found.outcome in ("found", "not_periodic")
+    assert all(orbit.admissible for orbit in found)
+    if found.outcome == "found" and not found[0].sticks:
+        (orbit,) = found
+        assert orbit.stable
+        assert "settles to this" in found.message
+        hits = vi.impact_section(model, transient_impacts=5000, sample_impacts=len(orbit.velocities))
+        assert orbit_distance(orbit, Impacts(hits["phase"].values, hits["velocity"].values)) < 1e-6
 
 
 def test_a_state_on_an_unstable_orbit_leads_to_it_and_not_to_where_the_motion_settles():

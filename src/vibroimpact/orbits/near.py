@@ -29,7 +29,7 @@ WATCHED = ImpactWindow((1 << 14) - 1, 1 << 14)  # as `attractors` watches system
 ON = 1e-4  # `orbit_distance` of a motion from an orbit that it is on
 CLOSE = 0.05  # the same from an orbit that it is near
 ALIKE = 1e-6  # of the same: parts of one settled cycle
-APPROACH = 0, 48, 192, 768  # impacts after which the motion of a system is compared with a stable orbit, one by one
+APPROACH = 0, 49, 193, 769  # impacts after which the motion of a system is compared with a stable orbit, one by one
 SETTLED = 1e-3  # `orbit_distance` from a stable orbit at which a motion counts as settling to it
 RETURN = 0.02  # of phases as points of the unit circle, and of the hardest impact: returns that are tried
 LONGEST = 64  # impacts of the longest cycle found from its first return, as attractors of systems are solved for
@@ -50,18 +50,14 @@ class _Return(NamedTuple):
 
 @dataclass(frozen=True)
 class _Hits:
-    """The impacts of a motion: times in driving periods, speeds in m/s, numbers of stops; the times at which it rests.
-
-    `skipped` impacts came before.
-    """
+    """The first impacts of a motion: times in driving periods, speeds in m/s and numbers of stops; the rests."""
 
     cell: Any
-    skipped: int
     keep: int
 
     @cached_property
     def samples(self) -> Any:
-        (samples,) = get_backend("cpu").samples(self.cell, Measurement(ImpactWindow(self.skipped, self.keep)))
+        (samples,) = get_backend("cpu").samples(self.cell, Measurement(ImpactWindow(0, self.keep)))
         return samples
 
     @cached_property
@@ -133,7 +129,7 @@ def orbit_near(search: Search, state: State) -> Orbits:
     cell = design.cells({}, state)
     approached = Orbits() if design.forgets else _approached(search, cell)
     if approached:
-        return _nearest(search, _Hits(cell, 0, 2 * PASSING + 1), approached, PASSING)[0]
+        return _nearest(search, _Hits(cell, 2 * PASSING + 1), approached, PASSING)[0]
     outcome = get_backend("cpu").indices(cell, Measurement(WATCHED, indices=NAMING))
     growth, n, p = (float(outcome[name][0]) for name in NAMING)
     status, impacts = Status(int(outcome["status"][0])), int(outcome["impacts"][0])
@@ -142,15 +138,15 @@ def orbit_near(search: Search, state: State) -> Orbits:
     if not kind.hits and kind != MotionClass.UNDECIDED:
         why = Motion(kind.word, status=status).sentence(design.period)
         return Orbits(outcome="none", message=f"the motion from `near` ends without impacts: {why}")
-    first, settled = _Hits(cell, 0, 2 * LONGEST + 1), Orbits()
+    first, settled = _Hits(cell, 2 * LONGEST + 1), Orbits()
     if n:
-        settled = _settled(search, _Hits(cell, impacts, max(int(p), 1) + 1), int(n), int(p))
+        settled = _settled(search, _Hits(_after(cell, impacts), max(int(p), 1) + 1), int(n), int(p))
         if settled:
             settled.message = f"the motion from `near` settles to this {settled[0].name} orbit within {impacts} impacts"
     found, near = _nearest(search, first, settled, LONGEST)
     if n or near:
         return found
-    return _passed(search, _Hits(cell, SEEN, SEEN), Motion(kind.word, status=status))
+    return _passed(search, _Hits(_after(cell, SEEN), SEEN), Motion(kind.word, status=status))
 
 
 def _nearest(search: Search, first: _Hits, settled: Orbits, longest: int) -> tuple[Orbits, bool]:
@@ -172,15 +168,8 @@ def _approached(search: Search, cell: Any) -> Orbits:
     """
     skipped = 0
     for further in APPROACH:
-        if further:
-            window = ImpactWindow(further, 1)
-            samples: Any
-            (samples,) = get_backend("cpu").samples(cell, Measurement(window))
-            if len(samples.impact_phase) < 1:
-                break
-            cell = cell.continuing(samples)
-            skipped += further + 1
-        hits = _Hits(cell, 0, 2 * PASSING + 1)
+        cell, skipped = _after(cell, further), skipped + further
+        hits = _Hits(cell, 2 * PASSING + 1)
         for back in hits.returns(1, PASSING):
             found = _solved(search, hits, back)
             if found and found[0].stable and (distance := _distance(found[0], hits, back.at)) <= SETTLED:
@@ -190,6 +179,14 @@ def _approached(search: Search, cell: Any) -> Orbits:
     return Orbits()
 
 
+def _after(cell: Any, impacts: int) -> Any:
+    """Return the cell started after so many impacts; where there are fewer, as it is."""
+    if not impacts:
+        return cell
+    (samples,) = get_backend("cpu").samples(cell, Measurement(ImpactWindow(impacts - 1, 1)))
+    return cell.continuing(samples) if len(samples.impact_phase) else cell
+
+
 def _settled(search: Search, hits: _Hits, n: int, p: int) -> Orbits:
     """Return the orbit of a motion that has settled, from the first impact of a cycle on."""
     if p > IMPACTS:
@@ -197,7 +194,7 @@ def _settled(search: Search, hits: _Hits, n: int, p: int) -> Orbits:
         return Orbits(outcome="not_converged", message=message)
     if p > 0 and not hits.rests(p):
         return _solved(search, hits, _smallest(hits, n, p))
-    return search.from_motion(hits.cell, hits.skipped, n, -1)
+    return search.from_motion(hits.cell, 0, n, -1)
 
 
 def _smallest(hits: _Hits, n: int, p: int) -> _Return:
@@ -209,7 +206,7 @@ def _smallest(hits: _Hits, n: int, p: int) -> _Return:
 
 def _solved(search: Search, hits: _Hits, back: _Return) -> Orbits:
     """Return the admissible orbit that Newton's method reaches from the impacts before a return."""
-    orbits = search.from_motion(hits.cell, hits.skipped + back.at, back.n, back.p)
+    orbits = search.from_motion(hits.cell, back.at, back.n, back.p)
     return orbits if orbits and orbits[0].admissible else Orbits(outcome=orbits.outcome, message=orbits.message)
 
 

@@ -194,7 +194,8 @@ def find_orbit(
         if guess.orbit is not None:
             return _of_its_type(osc, guess)
         if (state := search.state_of(guess)) is not None:
-            return orbit_near(search, state)
+            with reporter(None, "orbits"):
+                return orbit_near(search, state)
     n = whole_number("n_periods", 1 if n_periods is None else n_periods, 1)
     p = whole_number("n_impacts", 1 if n_impacts is None else n_impacts, -1, IMPACTS)
     if p == 0:

@@ -165,6 +165,8 @@ def _level(leg: Leg, stop: int) -> Callable[[float], float]:
 def _crossing(level: Callable[[float], float], low: float, high: float) -> float:
     """Return the angle at which a level that is negative at `high` falls through zero: halving, then Illinois."""
     above, below, fell = 0.0, level(high), True  # the level at `low` counts once it is known to be positive
+    if below >= 0.0:  # a touch, which rounding made a crossing
+        return high
     close = ROUNDING * abs(below)
     for _ in range(HALVINGS):
         middle = low + (above / (above - below) if above > 0.0 else 0.5) * (high - low)
