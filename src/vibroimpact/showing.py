@@ -88,11 +88,14 @@ def _cell(value: Any) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return content ready for JSON: NaN as None, infinity as "inf" or "-inf", complex numbers as pairs."""
+    """Return content ready for JSON: NaN as None, infinity as "inf" or "-inf", complex numbers as pairs.
+
+    Of a dataclass, the fields that are compared.
+    """
     if isinstance(value, Mapping):
         return {key: plain(item) for key, item in value.items()}
     if is_dataclass(value):
-        return {part.name: plain(getattr(value, part.name)) for part in fields(value)}
+        return {part.name: plain(getattr(value, part.name)) for part in fields(value) if part.compare}
     if isinstance(value, complex):
         return plain((value.real, value.imag))
     if isinstance(value, (list, tuple)):

@@ -216,7 +216,7 @@ def advise(
     target = Target.of(reached)
     if not 0.0 < target.hardest < math.inf:
         return ()
-    cycles, orbits = present_cycles(present.oscillator, reached, runner), present_orbits(present, reached, runner)
+    cycles, orbits = present_cycles(present.oscillator, reached, runner), present_orbits(present, reached)
     trials = Trials(target, runner, cycles, orbits, branches)
     searched = [varied for varied in ranges if not varied.only_scales]
     lines = [Line(varied, path) for varied in searched for way in (-1, 1) if (path := varied.path(way, PLACES))]

@@ -12,12 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.backends import ImpactWindow
-from vibroimpact.coexistence.measuring import Runner, carried
 from vibroimpact.continuation.branch import walk
 from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import Way
-from vibroimpact.orbits.search import search_of, settled_orbit
 from vibroimpact.verdict.present import MOST_IMPACTS, Coexisting, Present
 from vibroimpact.verdict.ranges import Range
 
@@ -27,26 +24,17 @@ MOST = 800  # orbits times impacts that are solved for along one branch
 WHOLE = 1e-6  # of a period, or a change: what differs by less is one
 
 
-def present_orbits(present: Present, motions: Sequence[Coexisting], runner: Runner) -> list[Any]:
-    """Return the stable orbits of the present motions that repeat and do not rest at a stop."""
-    orbits = (present.orbit if motion.from_rest else _orbit_of(present, motion, runner) for motion in motions)
+def present_orbits(present: Present, motions: Sequence[Coexisting]) -> list[Any]:
+    """Return the stable orbits of the present motions that soon repeat and do not rest at a stop."""
+    orbits = [present.orbit if motion.from_rest else _orbit_of(motion) for motion in motions]
     return [orbit for orbit in orbits if orbit is not None and not orbit.sticks]
 
 
-def _orbit_of(present: Present, motion: Coexisting, runner: Runner) -> Any:
-    """Return the orbit of a coexisting motion, solved for from its impacts; None if that is not possible."""
-    n, oscillator = motion.n_periods, present.oscillator
-    if not (motion.max_velocity and motion.repeats):
-        return None
-    samples: Any
-    (samples,) = runner.samples(carried(oscillator, motion.start), ImpactWindow(0, MOST_IMPACTS + 1))
-    turns = samples.impact_periods + samples.impact_phase
-    if len(turns) <= MOST_IMPACTS:
-        return None
-    p = int(np.searchsorted(turns, turns[0] + n - WHOLE))
-    if p > MOST_IMPACTS:
-        return None
-    return settled_orbit(search_of(present.model), n, samples, slice(0, p))
+def _orbit_of(motion: Coexisting) -> Any:
+    """Return the orbit of a motion that is an attractor, or None."""
+    attractor = motion.attractor
+    soon = attractor is not None and motion.repeats and 0 < len(attractor.velocities) <= MOST_IMPACTS
+    return attractor.orbit if attractor is not None and soon else None
 
 
 class LazyBranch:

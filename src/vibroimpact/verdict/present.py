@@ -151,6 +151,8 @@ class Coexisting:
         As in `Attractor`: how many impacts it may take to reach the motion, and how hard they are.
     stop : str
         For cycles of systems: the stop that the hardest hit strikes.
+    attractor : Attractor, optional
+        The attractor that it is; None for a motion from rest that is none of those found.
     """
 
     name: str
@@ -163,6 +165,7 @@ class Coexisting:
     transient_impacts: int = 0
     transient_velocity: float = 0.0
     stop: str = ""
+    attractor: Attractor | None = field(default=None, repr=False, compare=False)
 
     @property
     def reached(self) -> bool:
@@ -184,7 +187,8 @@ def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ..
     """Return the motions that `attractors` finds; the motion from rest is first, with share 0 if it is none of them."""
     attractors = attractors_by(runner, present.oscillator)
     names = distinct_names(attractors)
-    motions = [_coexisting(attractor, name) for attractor, name in zip(attractors, names, strict=True)]
+    found = (replace(attractor, model=present.model) for attractor in attractors)
+    motions = [_coexisting(attractor, name) for attractor, name in zip(found, names, strict=True)]
     at = next((i for i, attractor in enumerate(attractors) if _is_present(attractor, present)), None)
     if at is None:
         measured = present.measured
@@ -208,6 +212,7 @@ def _coexisting(attractor: Attractor, name: str) -> Coexisting:
         transient_impacts=attractor.transient_impacts,
         transient_velocity=attractor.transient_velocity,
         stop=next(iter(attractor.stops), ""),
+        attractor=attractor,
     )
 
 
