@@ -22,7 +22,7 @@ from processes import python, until
 from vibroimpact import beside, compiling, progress, warming
 from vibroimpact.execution import threads
 from vibroimpact.execution.threads import worker_count
-from vibroimpact.kernels import deferred, interrupts, machine
+from vibroimpact.kernels.shared import deferred, interrupts, machine
 
 COMMAND = [sys.executable, "-m", "vibroimpact"]
 TOLD = re.compile(r"compiling (.+): about (\d+) s, once on this machine")
@@ -307,7 +307,8 @@ def test_a_process_that_has_computed_nothing_compiles_any_part():
     """As one that helps to warm up, and gets parts of kernels that another one has compiled."""
     vi.parameter_map(vi.models.impact_damper(), indices=["std", "lyapunov"], omega=[1.0, 2.0], sample_impacts=50)
     code = (
-        "import sys, pickle; from vibroimpact.kernels import deferred; parts = deferred.noted(); print(len(parts))\n"
+        "import sys, pickle; from vibroimpact.kernels.shared import deferred\n"
+        "parts = deferred.noted(); print(len(parts))\n"
         "for part in parts: pickle.loads(part); deferred.compile_part(part)"
     )
     (count,) = python(code).stdout.split()

@@ -13,8 +13,8 @@ from scipy.optimize import brentq
 
 import vibroimpact as vi
 from vibroimpact.contact import hunt_crossley, kelvin_voigt, law_of, piecewise
+from vibroimpact.contact.fingerprint import fingerprint
 from vibroimpact.contact.rules import TRIED
-from vibroimpact.fingerprint import fingerprint
 
 TABLE = {"speeds": [0.1, 0.5, 2.0, 3.0], "values": [0.9, 0.8, 0.4, 0.4]}
 SCALE = 0.7

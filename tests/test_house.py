@@ -2,6 +2,7 @@
 
 import ast
 import re
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -69,6 +70,11 @@ def test_no_list_of_back_ends_stands_outside_their_table():
 @pytest.mark.parametrize("file", FILES)
 def test_a_file_is_one_room(file):
     assert len(FILES[file].splitlines()) <= 400
+
+
+def test_a_folder_has_fewer_files_than_a_reader_can_survey():
+    folders = Counter(file.rpartition("/")[0] for file in FILES)
+    assert max(folders.values()) < 24
 
 
 def test_parameters_have_symbols_that_are_theirs_alone():

@@ -13,8 +13,8 @@ from contents import differing
 from systems import one_mass, random_pair, two_masses
 from vibroimpact import models
 from vibroimpact.dataset import model_of
-from vibroimpact.kernels.systems.series import SIZE
-from vibroimpact.kernels.systems.trough import trough
+from vibroimpact.kernels.shared.series import SIZE
+from vibroimpact.kernels.shared.trough import trough
 from vibroimpact.motion import motion_name
 from vibroimpact.report import sentences_of
 

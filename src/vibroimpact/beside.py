@@ -51,7 +51,7 @@ def main() -> None:
     threading.Thread(target=_end_with_the_other, daemon=True).start()
     compiling.SILENT = float("inf")
     import vibroimpact as vi
-    from vibroimpact.kernels import claims, deferred
+    from vibroimpact.kernels.shared import claims, deferred
 
     tried = set(deferred.noted())  # noted by earlier commands, which may not have needed them
 

@@ -19,7 +19,7 @@ import vibroimpact as vi
 from vibroimpact import compiling
 from vibroimpact.execution.threads import worker_count
 from vibroimpact.indices import INDICES
-from vibroimpact.kernels.deferred import compile_part, noted
+from vibroimpact.kernels.shared.deferred import compile_part, noted
 from vibroimpact.progress import Report
 
 

@@ -13,7 +13,7 @@ from vibroimpact.backends import one_mass, scalar
 from vibroimpact.backends.base import Backend, Counts, Measurement, Outcome, Samples
 from vibroimpact.cells import Cells
 from vibroimpact.indices import FORCES, INDICES, RESPONSES
-from vibroimpact.kernels.vectors import LANES
+from vibroimpact.kernels.shared.vectors import LANES
 from vibroimpact.model.system_cells import SystemCells
 
 # Cells that are followed over their cycles together, so that lanes are full, and for how many seconds they wait.

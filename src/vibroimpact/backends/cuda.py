@@ -30,8 +30,8 @@ from vibroimpact.kernels.cell import RUNNING, Cell
 from vibroimpact.kernels.closing import LONGEST
 from vibroimpact.kernels.cycle import FACTS
 from vibroimpact.kernels.lanes import LANES, ROWS
-from vibroimpact.kernels.machine import config
 from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
+from vibroimpact.kernels.shared.machine import config
 from vibroimpact.parameters import to_install
 
 THREADS = 64  # threads per block

@@ -44,8 +44,8 @@ from vibroimpact.kernels.recorder import (
 )
 from vibroimpact.kernels.results import NOTES, PLAIN, THOROUGH
 from vibroimpact.kernels.runner import SWINGING, follow_cell, run_cells, run_swings
+from vibroimpact.kernels.shared.vectors import LANES as BLOCK
 from vibroimpact.kernels.state import Constants, Motion
-from vibroimpact.kernels.vectors import LANES as BLOCK
 from vibroimpact.options import Tolerances
 from vibroimpact.status import Status, window_status
 

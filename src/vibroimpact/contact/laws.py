@@ -11,8 +11,8 @@ import numpy as np
 
 from vibroimpact.by_value import ByValue, written
 from vibroimpact.cells import Floats
+from vibroimpact.contact.fingerprint import fingerprint
 from vibroimpact.contact.rules import MAKERS, TRIED
-from vibroimpact.fingerprint import fingerprint
 from vibroimpact.parameters import invalid
 
 LAWS: dict[float, Law] = {}  # by their marks, which tables of cells hold as numbers

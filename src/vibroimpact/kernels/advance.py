@@ -6,13 +6,13 @@ and the recorder read what either leaves.
 
 from __future__ import annotations
 
-from vibroimpact.kernels.contact import certified_step
 from vibroimpact.kernels.flight import BARELY, acceleration, evaluate, rotate, series
 from vibroimpact.kernels.law import chatters, pressed, speed_after
 from vibroimpact.kernels.leaps import leap
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.shared.contact import certified_step
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.vectors import anywhere, fma, never, no, select
 from vibroimpact.kernels.state import Motion, chosen
-from vibroimpact.kernels.vectors import anywhere, fma, never, no, select
 
 FLIGHT = 0.0  # flew on, or rebounded below the cut
 IMPACT = 1.0  # a recorded impact

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from vibroimpact.kernels.flight import BARELY, REACH
 from vibroimpact.kernels.law import chatter_factor
 from vibroimpact.kernels.leaps import leaps_of
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.state import Constants, Motion
 
 # Of the motion's size: a clearance as small is none. Where the force begins at zero it would take 5e4 certified steps

@@ -17,10 +17,10 @@ from vibroimpact.kernels.cell import phase_of
 from vibroimpact.kernels.cycle import ALIKE, NOT_SMALL, PERIODS, describe, describe_turn
 from vibroimpact.kernels.flight import flow, product
 from vibroimpact.kernels.law import saltation
-from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.observers import Deviation, Misses, Phases, Recurrence, Stamp, Sums, repeated
 from vibroimpact.kernels.recorder import overhear
 from vibroimpact.kernels.results import ADDED, RATIO, RELEASES, SCALE, STEPS, TURN, WALK
+from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.state import Motion
 
 LONGEST = 4096  # impacts of the longest cycle that is closed

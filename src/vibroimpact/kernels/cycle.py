@@ -8,8 +8,8 @@ from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, step_at, walk
 from vibroimpact.kernels.cell import phase_of
 from vibroimpact.kernels.flight import NONE, least_gap_exactly, undamped_flow
 from vibroimpact.kernels.law import across_impact, tail_duration
-from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.observers import DEVIATION
+from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.state import Motion
 
 NOT_SMALL = 1e-3  # of a cycle's weakest impact: nearer to a graze nothing is linear

@@ -16,9 +16,9 @@ from vibroimpact.kernels.cell import RUNNING, cell_of
 from vibroimpact.kernels.closing import close as close_lane
 from vibroimpact.kernels.cycle import forget
 from vibroimpact.kernels.lanes import LANES, step_lane, step_thorough_lane
-from vibroimpact.kernels.machine import cache_folder, config
 from vibroimpact.kernels.results import STEPS, harvest, harvest_thoroughly
 from vibroimpact.kernels.runner import ending_of, may_close
+from vibroimpact.kernels.shared.machine import cache_folder, config
 
 CLOSES = 100  # a cell that waits for its cycle to be walked; other codes are why a cell ended, or RUNNING
 CHUNK = 8  # rows of a thread's trace, which lies in its local memory

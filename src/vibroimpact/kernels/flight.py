@@ -16,9 +16,9 @@ from __future__ import annotations
 
 import math
 
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.vectors import anywhere, fma, no, select
 from vibroimpact.kernels.state import Motion
-from vibroimpact.kernels.vectors import anywhere, fma, no, select
 
 # A full step is at most H radians of the fastest rate. What the series leaves out after degree 18 is about H^18/18! of
 # the motion's size in its rate: 2e-16 at the end of a whole step of H = 1. Leaps do the longer ways.

@@ -10,7 +10,6 @@ what the velocities of impacts give, thorough ones all that can be observed, tra
 from __future__ import annotations
 
 from vibroimpact.kernels.advance import RELEASE, STATE, advance, step_at, way_from
-from vibroimpact.kernels.machine import inner, loop
 from vibroimpact.kernels.observers import (
     Deviation,
     Grown,
@@ -36,9 +35,10 @@ from vibroimpact.kernels.observers import (
     sums,
     turn,
 )
+from vibroimpact.kernels.shared.machine import inner, loop
+from vibroimpact.kernels.shared.vectors import LANES as BLOCK
+from vibroimpact.kernels.shared.vectors import anywhere, put_at
 from vibroimpact.kernels.state import Constants, Motion, accessors
-from vibroimpact.kernels.vectors import LANES as BLOCK
-from vibroimpact.kernels.vectors import anywhere, put_at
 
 LANES = 32
 

@@ -22,8 +22,8 @@ impact oscillators", Phil. Trans. R. Soc. Lond. A 347 (1994) 365-389.
 
 from __future__ import annotations
 
-from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.vectors import fma, select
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.vectors import fma, select
 
 NEVER = 1e300  # stands for 2 r/(1 - r) at r = 1, where chatter does not end
 COMPLETES = 0.6  # of the time to release: beyond it the leading order of t1 proves nothing

@@ -18,9 +18,9 @@ from __future__ import annotations
 import math
 
 from vibroimpact.kernels.flight import BARELY, NONE, acceleration, coefficients, evaluate, least_gap, series
-from vibroimpact.kernels.machine import inner, whole
+from vibroimpact.kernels.shared.machine import inner, whole
+from vibroimpact.kernels.shared.vectors import anywhere, fma, least, most, never, no, select
 from vibroimpact.kernels.state import Flow, Leap, Leapt, Motion, chosen
-from vibroimpact.kernels.vectors import anywhere, fma, least, most, never, no, select
 
 TURN = 2.0 * math.pi
 

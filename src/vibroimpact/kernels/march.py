@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from vibroimpact.kernels.machine import compiled
+from vibroimpact.kernels.shared.machine import compiled
 
 
 @compiled("a march", 1)

@@ -13,9 +13,9 @@ from vibroimpact.kernels.advance import CHATTER, IMPACT, RELEASE, STUCK
 from vibroimpact.kernels.flight import acceleration, evaluate, least_gap, series, undamped_flow
 from vibroimpact.kernels.law import across_impact
 from vibroimpact.kernels.leaps import dipping, flown_over
-from vibroimpact.kernels.machine import inner, whole
+from vibroimpact.kernels.shared.machine import inner, whole
+from vibroimpact.kernels.shared.vectors import anywhere, fma, least, most, never, no, select
 from vibroimpact.kernels.state import Motion, chosen
-from vibroimpact.kernels.vectors import anywhere, fma, least, most, never, no, select
 
 FOLD = 1.6069380442589903e60  # 2^200: a power of two rescales without rounding
 SLOW = 1e-3  # of a step: a decay so slow is added up by its series

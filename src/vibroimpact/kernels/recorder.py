@@ -11,7 +11,7 @@ from vibroimpact.kernels.flight import evaluate, series, whole_step
 from vibroimpact.kernels.lanes import CELL, LANES, trace_lanes
 from vibroimpact.kernels.law import pressed, tail_duration
 from vibroimpact.kernels.leaps import TURN
-from vibroimpact.kernels.machine import compiled, inner
+from vibroimpact.kernels.shared.machine import compiled, inner
 from vibroimpact.kernels.state import Constants, Motion, accessors
 
 IDLE = FILLED  # the ending of a lane without a cell

@@ -20,8 +20,8 @@ from vibroimpact.kernels.cycle import (
 )
 from vibroimpact.kernels.flight import NONE
 from vibroimpact.kernels.law import energy_loss
-from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.observers import FOLD, Turn, VelocityIndices, velocity_indices
+from vibroimpact.kernels.shared.machine import inner
 
 # What is noted of a cell beside its lane; from TURN on, what its lane had summed up at a release.
 H, SCALE, FLIGHT, GRANTED, STEPS, RATIO, ADDED, RELEASES, TURN = range(9)

@@ -12,7 +12,6 @@ from vibroimpact.kernels.closing import close
 from vibroimpact.kernels.cycle import RETURNED, UNREPEATED, forget
 from vibroimpact.kernels.flight import NONE
 from vibroimpact.kernels.leaps import doubled
-from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket, whole
 from vibroimpact.kernels.observers import DEVIATION, Deviation, Misses, Recurrence, Swings, swings
 from vibroimpact.kernels.recorder import END, overhear, room
 from vibroimpact.kernels.results import (
@@ -28,9 +27,10 @@ from vibroimpact.kernels.results import (
     harvest,
     harvest_thoroughly,
 )
+from vibroimpact.kernels.shared.machine import compiled, copy, inner, next_ticket, whole
+from vibroimpact.kernels.shared.vectors import LANES as BLOCK
+from vibroimpact.kernels.shared.vectors import anywhere, most, put_at, select
 from vibroimpact.kernels.state import Flow, accessors
-from vibroimpact.kernels.vectors import LANES as BLOCK
-from vibroimpact.kernels.vectors import anywhere, most, put_at, select
 
 # Of the squares of rates: closer to resonance, or with a softer spring, the closed forms lose more than four digits.
 RESONANT, SOFT = 5e-3, 1e-4

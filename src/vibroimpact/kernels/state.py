@@ -8,8 +8,8 @@ from typing import Any, NamedTuple, get_type_hints
 from numba import types
 from numba.extending import intrinsic
 
-from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.vectors import kind_at, place_of, read, select, write
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.vectors import kind_at, place_of, read, select, write
 
 
 class Motion(NamedTuple):

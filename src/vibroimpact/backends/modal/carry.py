@@ -8,9 +8,9 @@ from vibroimpact.backends.base import Floats
 from vibroimpact.backends.modal.rows import in_steps, steps_of
 from vibroimpact.backends.modal.sweep import layout_for, room_for
 from vibroimpact.backends.scalar import aligned
-from vibroimpact.kernels.held import InMemory
+from vibroimpact.kernels.shared.held import InMemory
+from vibroimpact.kernels.shared.vectors import LANES
 from vibroimpact.kernels.systems.walk import carry_over
-from vibroimpact.kernels.vectors import LANES
 from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.options import Tolerances
 

@@ -11,8 +11,8 @@ from vibroimpact.backends.modal.leaps import prepare_leaps
 from vibroimpact.contact import LAWS
 from vibroimpact.kernels.cell import MOST
 from vibroimpact.kernels.restitution import address_of
+from vibroimpact.kernels.shared.series import REACH
 from vibroimpact.kernels.systems.layout import Layout
-from vibroimpact.kernels.systems.series import REACH
 from vibroimpact.model.elements import BLOCKS
 from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.options import Tolerances

@@ -12,10 +12,10 @@ from vibroimpact.backends.modal.rows import budgets_of, in_steps, steps_of
 from vibroimpact.backends.modal.sweep import alone_for, layout_for, noted, room_for
 from vibroimpact.backends.scalar import aligned, ended_as
 from vibroimpact.kernels.cell import RUNNING
-from vibroimpact.kernels.held import InMemory
+from vibroimpact.kernels.shared.held import InMemory
+from vibroimpact.kernels.shared.vectors import LANES
 from vibroimpact.kernels.systems import march, walk
 from vibroimpact.kernels.systems.layout import CLOSED
-from vibroimpact.kernels.vectors import LANES
 from vibroimpact.model.elements import Contact
 from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.status import Status

@@ -20,11 +20,11 @@ from vibroimpact.backends.modal.rows import budgets_of, in_steps, steps_of
 from vibroimpact.backends.scalar import aligned, statuses
 from vibroimpact.indices import EVERY
 from vibroimpact.kernels.cell import FILLED
-from vibroimpact.kernels.held import InMemory
+from vibroimpact.kernels.shared.complementarity import Room
+from vibroimpact.kernels.shared.held import InMemory
+from vibroimpact.kernels.shared.vectors import LANES
 from vibroimpact.kernels.systems import closing, form, lanes, march
-from vibroimpact.kernels.systems.complementarity import Room
 from vibroimpact.kernels.systems.layout import Layout, layout_of
-from vibroimpact.kernels.vectors import LANES
 from vibroimpact.model.system_cells import SystemCells
 
 _LOOKS = 200  # steps of lanes between checks for an interrupt

@@ -16,10 +16,10 @@ from vibroimpact.backends.scalar import Sweep, aligned
 from vibroimpact.cells import Cells
 from vibroimpact.kernels.cell import FILLED, Cell
 from vibroimpact.kernels.cycle import UNREPEATED
-from vibroimpact.kernels.held import InMemory
+from vibroimpact.kernels.shared.held import InMemory
+from vibroimpact.kernels.shared.vectors import LANES
 from vibroimpact.kernels.systems import march, repeat, swing
 from vibroimpact.kernels.systems.layout import SWING
-from vibroimpact.kernels.vectors import LANES
 from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.status import Status
 

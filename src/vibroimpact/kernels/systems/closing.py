@@ -17,8 +17,9 @@ from typing import Any, NamedTuple
 from numba import types
 
 from vibroimpact.kernels.cycle import NOT_SMALL, UNRESOLVED
-from vibroimpact.kernels.deferred import deferred
-from vibroimpact.kernels.machine import copy, rare
+from vibroimpact.kernels.shared.deferred import deferred
+from vibroimpact.kernels.shared.machine import copy, rare
+from vibroimpact.kernels.shared.vectors import LANES
 from vibroimpact.kernels.systems.event import go_on, lift, lower, lower_alike, occur, walk_on
 from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
 from vibroimpact.kernels.systems.march import (
@@ -49,7 +50,6 @@ from vibroimpact.kernels.systems.march import (
 from vibroimpact.kernels.systems.pressed import LONGEST, WALK, comes_back, same_contacts
 from vibroimpact.kernels.systems.rest import all_held
 from vibroimpact.kernels.systems.tangent import accelerate, confine, deviate, happen_beside, leave_centre
-from vibroimpact.kernels.vectors import LANES
 
 SURE = 1e-12  # of V: the most that the remaining way may change an impact
 SQUARED = 20  # times, M at most

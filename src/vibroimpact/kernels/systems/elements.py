@@ -14,9 +14,9 @@ All other files ask these functions. Another kind of stop with a linear force is
 
 from __future__ import annotations
 
-from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.systems.series import slipped
-from vibroimpact.kernels.vectors import get
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.series import slipped
+from vibroimpact.kernels.shared.vectors import get
 
 # The numbers of a stop in the table of a cell: k, c, and what these add to the fastest rate, squared, and to damping.
 COLUMNS = "spring", "dashpot", "hard", "thick"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from vibroimpact.kernels.deferred import deferred
-from vibroimpact.kernels.held import without
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.shared.deferred import deferred
+from vibroimpact.kernels.shared.held import without
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.vectors import LANES, anywhere, get, put, select
 from vibroimpact.kernels.systems.law import bounce, closed
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, NOTHING
 from vibroimpact.kernels.systems.leap import LEAPS, leap, leap_far, leap_within, look, may_leap
@@ -30,7 +31,6 @@ from vibroimpact.kernels.systems.push import meet
 from vibroimpact.kernels.systems.reach import look_around
 from vibroimpact.kernels.systems.step import step
 from vibroimpact.kernels.systems.tangent import before, cross_one, has_lost_all, measure_growth, pass_over, recur
-from vibroimpact.kernels.vectors import LANES, anywhere, get, put, select
 
 ALIKE = 2e-12  # of V: how near the speed of an impact must come back to be looked at
 FIRST_LOOK = 32.0  # impacts until one is watched for

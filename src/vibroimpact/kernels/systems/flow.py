@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from vibroimpact.kernels.flight import BARELY, turned
-from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.systems.elements import force_law, is_compliant
-from vibroimpact.kernels.systems.layout import CLOSED, OPEN
-from vibroimpact.kernels.systems.reach import in_reach
-from vibroimpact.kernels.systems.series import (
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.series import (
     SIZE,
     evaluate,
     load,
@@ -19,7 +16,10 @@ from vibroimpact.kernels.systems.series import (
     times,
     wave,
 )
-from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
+from vibroimpact.kernels.shared.vectors import anywhere, fma, get, put, select
+from vibroimpact.kernels.systems.elements import force_law, is_compliant
+from vibroimpact.kernels.systems.layout import CLOSED, OPEN
+from vibroimpact.kernels.systems.reach import in_reach
 
 
 @inner(forceinline=True)

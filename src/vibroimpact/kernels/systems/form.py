@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from vibroimpact.kernels.machine import rare
+from vibroimpact.kernels.shared.machine import rare
 from vibroimpact.kernels.systems.elements import end_law, force_law, is_compliant
 from vibroimpact.kernels.systems.layout import CLOSED
 

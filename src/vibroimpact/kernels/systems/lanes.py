@@ -10,8 +10,9 @@ import math
 
 from vibroimpact.kernels.advance import LOOK
 from vibroimpact.kernels.cell import PINNED, QUIET_FOR, RUNNING
-from vibroimpact.kernels.deferred import deferred
-from vibroimpact.kernels.machine import compiled, copy, inner, next_ticket
+from vibroimpact.kernels.shared.deferred import deferred
+from vibroimpact.kernels.shared.machine import compiled, copy, inner, next_ticket
+from vibroimpact.kernels.shared.vectors import LANES, anywhere, get
 from vibroimpact.kernels.systems.closing import close, stays_pressed
 from vibroimpact.kernels.systems.event import FIRST_LOOK, go_on, lift, lower, occur
 from vibroimpact.kernels.systems.law import begin
@@ -33,7 +34,6 @@ from vibroimpact.kernels.systems.march import (
 )
 from vibroimpact.kernels.systems.pressed import is_pressed, repetition_is_due
 from vibroimpact.kernels.systems.tangent import confine, deviate
-from vibroimpact.kernels.vectors import LANES, anywhere, get
 
 
 @inner(inline="always")

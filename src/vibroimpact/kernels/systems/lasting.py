@@ -28,8 +28,9 @@ import math
 from numba import types
 
 from vibroimpact.kernels.cell import PINNED, QUIET, RUNNING
-from vibroimpact.kernels.deferred import deferred
-from vibroimpact.kernels.machine import rare
+from vibroimpact.kernels.shared.deferred import deferred
+from vibroimpact.kernels.shared.machine import rare
+from vibroimpact.kernels.shared.series import DEGREE
 from vibroimpact.kernels.systems.form import (
     DRIFTS,
     GONE,
@@ -45,7 +46,6 @@ from vibroimpact.kernels.systems.form import (
 )
 from vibroimpact.kernels.systems.push import first, stands
 from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH, derive
-from vibroimpact.kernels.systems.series import DEGREE
 
 POINTS = 32  # per period of the highest harmonic, at which several are summed up
 

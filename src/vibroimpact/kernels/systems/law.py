@@ -23,18 +23,18 @@ from __future__ import annotations
 
 from numba import types
 
-from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.law import COMPLETES, HOLD, SHORT
-from vibroimpact.kernels.machine import inner
 from vibroimpact.kernels.restitution import restitution
-from vibroimpact.kernels.systems.complementarity import ROUNDING, complementary
+from vibroimpact.kernels.shared.complementarity import ROUNDING, complementary
+from vibroimpact.kernels.shared.deferred import deferred
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.vectors import anywhere, get, no, put, select
 from vibroimpact.kernels.systems.elements import is_compliant
 from vibroimpact.kernels.systems.flow import stop_moves, turns
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, OPEN, RELEASED, STRUCK
 from vibroimpact.kernels.systems.push import attend, stands
 from vibroimpact.kernels.systems.reach import in_reach
 from vibroimpact.kernels.systems.rest import NOWHERE, SHORTENED, TOUCH, derivative, derive, hold, measure, settle
-from vibroimpact.kernels.vectors import anywhere, get, no, put, select
 
 ENDLESS = 0.1  # of 1 - r: with less of (1 - p)(1 - r) a chatter is taken to end at no time
 

@@ -6,8 +6,8 @@ from collections import namedtuple
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
+from vibroimpact.kernels.shared.series import SIZE
 from vibroimpact.kernels.systems.elements import COLUMNS
-from vibroimpact.kernels.systems.series import SIZE
 
 # How a stop is left: its clearance begins with no zero, a single one (just struck), a double one (from rest) or a
 # triple one (let go); or it is closed, held by a force above zero or by one that begins there. Where a zero has a

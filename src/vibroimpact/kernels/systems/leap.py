@@ -41,16 +41,16 @@ from __future__ import annotations
 
 import math
 
-from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.flight import BARELY, turned
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.shared.deferred import deferred
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.vectors import anywhere, fma, get, most, no, put, select
 from vibroimpact.kernels.systems.flow import move, stop_moves, turns
 from vibroimpact.kernels.systems.layout import CLOSED, OPEN, STRUCK
 from vibroimpact.kernels.systems.push import account, drain, stands
 from vibroimpact.kernels.systems.reach import SPAN, in_reach
 from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH
 from vibroimpact.kernels.systems.step import fly, miss
-from vibroimpact.kernels.vectors import anywhere, fma, get, most, no, put, select
 
 # Before a step come a half, far ones and wholes while they are certified, up to so many of each, and a half again.
 # Lengths are in steps.

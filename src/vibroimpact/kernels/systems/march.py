@@ -8,16 +8,16 @@ from typing import NamedTuple
 from numba import types
 
 from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, QUIET, QUIET_FOR, RUNNING, SPENT
-from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.leaps import TURN
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.shared.deferred import deferred
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.vectors import anywhere, fma, get, put, select
 from vibroimpact.kernels.systems.elements import is_compliant
 from vibroimpact.kernels.systems.lasting import lasting
 from vibroimpact.kernels.systems.law import release, stalled, strike
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT
 from vibroimpact.kernels.systems.push import attend
 from vibroimpact.kernels.systems.rest import all_held, measure
-from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 # Numbers of a cell's note: the length of its step, what it is granted, and what it has come to; sin wt, cos wt,
 # whole periods of the first and of the last impact of the window, and the stop of the first.

@@ -9,7 +9,7 @@ whenever twice as many have passed.
 from __future__ import annotations
 
 from vibroimpact.kernels.leaps import TURN
-from vibroimpact.kernels.machine import copy, inner, rare
+from vibroimpact.kernels.shared.machine import copy, inner, rare
 from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.systems.march import AGAIN, HITS, STILL, WAITS
 

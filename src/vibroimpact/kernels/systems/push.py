@@ -14,9 +14,21 @@ import math
 
 from numba import types
 
-from vibroimpact.kernels.deferred import deferred
-from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.systems.complementarity import ROUNDING
+from vibroimpact.kernels.shared.complementarity import ROUNDING
+from vibroimpact.kernels.shared.deferred import deferred
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.series import (
+    DEGREE,
+    SIZE,
+    coefficients,
+    evaluate,
+    integral,
+    load,
+    times,
+    valued,
+)
+from vibroimpact.kernels.shared.trough import trough
+from vibroimpact.kernels.shared.vectors import anywhere, get, put, select
 from vibroimpact.kernels.systems.elements import end_law, force_law, is_compliant, quickens
 from vibroimpact.kernels.systems.flow import clearances, stop_moves, turns
 from vibroimpact.kernels.systems.layout import (
@@ -30,18 +42,6 @@ from vibroimpact.kernels.systems.layout import (
     STRUCK,
 )
 from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH, derivative, derive, measure, settle, size_of
-from vibroimpact.kernels.systems.series import (
-    DEGREE,
-    SIZE,
-    coefficients,
-    evaluate,
-    integral,
-    load,
-    times,
-    valued,
-)
-from vibroimpact.kernels.systems.trough import trough
-from vibroimpact.kernels.vectors import anywhere, get, put, select
 
 SURE = 1e-9  # of p times the lengths that u is the sum of: what q u' adds to that is no rounding
 EARLY = 0.5  # of a step: so early e keeps the sign of its first derivative that is not zero

@@ -14,10 +14,10 @@ from __future__ import annotations
 
 import math
 
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.vectors import anywhere, fma, get, least, put, select
 from vibroimpact.kernels.systems.elements import force_law
 from vibroimpact.kernels.systems.layout import CLOSED
-from vibroimpact.kernels.vectors import anywhere, fma, get, least, put, select
 
 SPAN = 12.0  # steps: the most that are made before stops are sorted again, but for far leaps
 

@@ -12,13 +12,13 @@ from vibroimpact.kernels.advance import LOOK
 from vibroimpact.kernels.cell import FILLED, LAWLESS, RUNNING, SPENT
 from vibroimpact.kernels.cycle import RETURNED, UNREPEATED
 from vibroimpact.kernels.leaps import TURN
-from vibroimpact.kernels.machine import compiled, inner
+from vibroimpact.kernels.shared.machine import compiled, inner
+from vibroimpact.kernels.shared.vectors import LANES, anywhere, get
 from vibroimpact.kernels.systems.event import go_on
 from vibroimpact.kernels.systems.lanes import seat, unusual
 from vibroimpact.kernels.systems.layout import NOTHING, SWING
 from vibroimpact.kernels.systems.march import GRANTED, IMPACTS, PERIODS, REFERENCE
 from vibroimpact.kernels.systems.swing import LARGEST, LEAST, LEFT
-from vibroimpact.kernels.vectors import LANES, anywhere, get
 
 
 @inner

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from numba import types
 
-from vibroimpact.kernels.deferred import deferred
-from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.systems.complementarity import FEW, PIVOTS, ROUNDING, complementary, solve
+from vibroimpact.kernels.shared.complementarity import FEW, PIVOTS, ROUNDING, complementary, solve
+from vibroimpact.kernels.shared.deferred import deferred
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.series import DEGREE, SIZE
 from vibroimpact.kernels.systems.elements import is_compliant
 from vibroimpact.kernels.systems.flow import fly_together, stop_moves, turns
 from vibroimpact.kernels.systems.layout import BALANCED, CLOSED, OPEN, PASSING, RELEASED, RESTING
 from vibroimpact.kernels.systems.reach import in_reach
-from vibroimpact.kernels.systems.series import DEGREE, SIZE
 
 SHORTENED = 4  # the highest derivative that most decisions take
 # Less is contact: of the lengths that a clearance is the sum of; and, where these vanish, of V times a step.

@@ -2,8 +2,8 @@
 
 Watched of each stop is a polynomial, its clearance or the force that holds it closed. Divided by the zero that it
 begins with (x after an impact, x^2 where it leaves from rest, x^3 at a release), it has the lower bound of
-`kernels.contact`: quadratic part exactly, cubic by its tangent, the negative of the others at the end of the step. The
-smallest root of that bound over all stops is a step that cannot pass the first zero of any of them.
+`kernels.shared.contact`: quadratic part exactly, cubic by its tangent, the negative of the others at the end of the
+step. The smallest root of that bound over all stops is a step that cannot pass the first zero of any of them.
 
 Where the zero of the nearest one is so near that its rate cannot change by half on the way (|u''| <= B over the whole
 step, B d <= |p|/10 for the distance d = -u/p), the polynomial falls to it within 2 d, and Newton's method meets it: by
@@ -13,9 +13,24 @@ there if the other stops' bounds reach as far.
 
 from __future__ import annotations
 
-from vibroimpact.kernels.contact import negative_part, root_at_least
-from vibroimpact.kernels.deferred import deferred
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.shared.contact import negative_part, root_at_least
+from vibroimpact.kernels.shared.deferred import deferred
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.series import (
+    DEGREE,
+    SIZE,
+    bend,
+    coefficients,
+    either,
+    load,
+    oscillation,
+    store,
+    tail,
+    valued,
+    wave,
+)
+from vibroimpact.kernels.shared.trough import trough
+from vibroimpact.kernels.shared.vectors import anywhere, fma, get, put, select
 from vibroimpact.kernels.systems.elements import while_away, while_pushing
 from vibroimpact.kernels.systems.flow import carry, clearances, couple, fly_alone, fly_apart, fly_together, move, turns
 from vibroimpact.kernels.systems.layout import (
@@ -32,22 +47,7 @@ from vibroimpact.kernels.systems.layout import (
 )
 from vibroimpact.kernels.systems.push import account, drain, set_free
 from vibroimpact.kernels.systems.reach import in_reach
-from vibroimpact.kernels.systems.series import (
-    DEGREE,
-    SIZE,
-    bend,
-    coefficients,
-    either,
-    load,
-    oscillation,
-    store,
-    tail,
-    valued,
-    wave,
-)
 from vibroimpact.kernels.systems.swing import end_with_period, swing
-from vibroimpact.kernels.systems.trough import trough
-from vibroimpact.kernels.vectors import anywhere, fma, get, put, select
 
 NEAR = 0.1  # of the rate: by how much it may change on the way to a contact that is solved for
 BACK = 1e-12  # steps: a contact that rounding puts further behind is here

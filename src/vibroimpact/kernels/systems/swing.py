@@ -7,16 +7,16 @@ of the stops' forces, are those of Gauss and Legendre with eight nodes a step, w
 
 from __future__ import annotations
 
-from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.flight import turned
-from vibroimpact.kernels.machine import inner
+from vibroimpact.kernels.shared.deferred import deferred
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.series import SIZE, bend, coefficients, load, plus_times, times, valued
+from vibroimpact.kernels.shared.trough import trough
+from vibroimpact.kernels.shared.vectors import anywhere, get, least, most, no, put, select
 from vibroimpact.kernels.systems.elements import is_compliant
 from vibroimpact.kernels.systems.flow import driven, sine_cosine
 from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.systems.push import NODES
-from vibroimpact.kernels.systems.series import SIZE, bend, coefficients, load, plus_times, times, valued
-from vibroimpact.kernels.systems.trough import trough
-from vibroimpact.kernels.vectors import anywhere, get, least, most, no, put, select
 
 # The time of the sums, in steps, the sums, the least and the largest y, and the time up to the end of a driving period.
 LENGTH, MEAN, SQUARE, SINE, COSINE, LEAST, LARGEST, LEFT = range(8)

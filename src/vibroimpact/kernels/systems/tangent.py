@@ -19,8 +19,9 @@ from __future__ import annotations
 import math
 
 from vibroimpact.kernels.cycle import UNRESOLVED
-from vibroimpact.kernels.machine import inner, whole
-from vibroimpact.kernels.systems.complementarity import solve
+from vibroimpact.kernels.shared.complementarity import solve
+from vibroimpact.kernels.shared.machine import inner, whole
+from vibroimpact.kernels.shared.vectors import anywhere, fma, get, no, put, select
 from vibroimpact.kernels.systems.elements import force_law, is_compliant, parts_abruptly
 from vibroimpact.kernels.systems.layout import CLOSED, CONTACT
 from vibroimpact.kernels.systems.march import (
@@ -47,7 +48,6 @@ from vibroimpact.kernels.systems.march import (
 )
 from vibroimpact.kernels.systems.push import stands
 from vibroimpact.kernels.systems.rest import all_held, measure
-from vibroimpact.kernels.vectors import anywhere, fma, get, no, put, select
 
 NEAR = 1e-7  # of V, of the modes' rates and their amplitudes: an impact that comes back so near is the same
 ROUNDED_FROM = math.log(UNRESOLVED)  # growth between two rests from which on rounding decides when the second one comes

@@ -7,9 +7,11 @@ from typing import Any, NamedTuple
 
 from vibroimpact.kernels.advance import LOOK
 from vibroimpact.kernels.cell import FILLED, LAWLESS, PINNED, RUNNING, SPENT
-from vibroimpact.kernels.deferred import deferred
 from vibroimpact.kernels.leaps import TURN
-from vibroimpact.kernels.machine import compiled, copy, inner
+from vibroimpact.kernels.shared.deferred import deferred
+from vibroimpact.kernels.shared.machine import compiled, copy, inner
+from vibroimpact.kernels.shared.series import SIZE, evaluate, load
+from vibroimpact.kernels.shared.vectors import LANES, anywhere, get, put, select
 from vibroimpact.kernels.systems.closing import part_lanes, stays_pressed
 from vibroimpact.kernels.systems.elements import is_compliant
 from vibroimpact.kernels.systems.event import lift, lower, rigid, walk_on
@@ -22,10 +24,8 @@ from vibroimpact.kernels.systems.march import GRANTED, HITS, STEPS, ending, happ
 from vibroimpact.kernels.systems.pressed import in_contact, is_pressed, repetition_is_due
 from vibroimpact.kernels.systems.push import stands
 from vibroimpact.kernels.systems.rest import measure
-from vibroimpact.kernels.systems.series import SIZE, evaluate, load
 from vibroimpact.kernels.systems.step import BACK, fly_on, fly_one
 from vibroimpact.kernels.systems.tangent import happen_beside
-from vibroimpact.kernels.vectors import LANES, anywhere, get, put, select
 
 
 class Record(NamedTuple):

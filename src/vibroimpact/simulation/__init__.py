@@ -13,12 +13,12 @@ from vibroimpact.backends import LooksWindow, StroboscopicWindow, TimesWindow
 from vibroimpact.cells import Floats
 from vibroimpact.dataset import dataset_of, status_variable
 from vibroimpact.labels import in_seconds, taken_by_stops, trajectory_of
-from vibroimpact.loads import Pieces, as_given
 from vibroimpact.matrices import numbers
 from vibroimpact.model import Model, State, one_start
 from vibroimpact.options import Tolerances
 from vibroimpact.parameters import COUNTS, check_one, hertz, invalid, positive_number, whole_number
 from vibroimpact.sections import Followed, check_periodic
+from vibroimpact.simulation.loads import Pieces, as_given
 
 if TYPE_CHECKING:
     import xarray as xr

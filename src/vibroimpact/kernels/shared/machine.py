@@ -26,8 +26,8 @@ from numba.extending import intrinsic
 from platformdirs import user_cache_dir
 
 from vibroimpact import compiling
-from vibroimpact.kernels.claims import claim_what_is_missing
-from vibroimpact.kernels.held import Pruning
+from vibroimpact.kernels.shared.claims import claim_what_is_missing
+from vibroimpact.kernels.shared.held import Pruning
 
 
 def _import_without_scipy(name: str) -> None:
@@ -65,7 +65,7 @@ def next_ticket(typingctx: Any, counter: Any) -> Any:
 @cache
 def cache_folder() -> str:
     """Return the folder of compiled kernels; `NUMBA_CACHE_DIR` moves it."""
-    sources = sorted(Path(__file__).parent.rglob("*.py"))
+    sources = sorted(Path(__file__).parents[1].rglob("*.py"))
     key = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
     root = os.environ.get("NUMBA_CACHE_DIR") or user_cache_dir("vibroimpact", appauthor=False)
     return str(Path(root) / f"kernels-{key}")

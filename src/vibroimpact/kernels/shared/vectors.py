@@ -18,7 +18,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
-from vibroimpact.kernels.machine import config
+from vibroimpact.kernels.shared.machine import config
 
 # One value is two registers of 512 bits, or of 256, so that what one waits for the other fills; where the processor has
 # narrower ones than a value is made for, most of it is spilled.

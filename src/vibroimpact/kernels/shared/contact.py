@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 
-from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.vectors import fma, select
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.vectors import fma, select
 
 
 @inner(forceinline=True)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.systems.series import rates, valued
-from vibroimpact.kernels.vectors import anywhere, select
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.series import rates, valued
+from vibroimpact.kernels.shared.vectors import anywhere, select
 
 PARTS = 4  # of a way, at whose ends the sign of the rate is compared
 

@@ -25,9 +25,9 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from vibroimpact.kernels.held import Held
-from vibroimpact.kernels.interrupts import uninterrupted, within_kernels
-from vibroimpact.kernels.machine import cache_folder, compiled
+from vibroimpact.kernels.shared.held import Held
+from vibroimpact.kernels.shared.interrupts import uninterrupted, within_kernels
+from vibroimpact.kernels.shared.machine import cache_folder, compiled
 
 ASK = "vibroimpact_address"  # what kernels call to learn an address
 _ADDRESS, _LENGTH = ir.IntType(8).as_pointer(), ir.IntType(64)

@@ -10,7 +10,7 @@ from time import perf_counter, sleep
 from typing import Any
 
 from vibroimpact import compiling
-from vibroimpact.kernels.interrupts import uninterrupted
+from vibroimpact.kernels.shared.interrupts import uninterrupted
 
 PATIENCE = 60.0  # s: then the other process is taken for stopped
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from vibroimpact.kernels.machine import rare
+from vibroimpact.kernels.shared.machine import rare
 
 ROUNDING = 1e-13  # relative: a smaller rate, force or acceleration may be zero
 FEW = 6  # stops, whose 64 sets are tried one after the other

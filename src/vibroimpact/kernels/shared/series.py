@@ -6,8 +6,8 @@ b, coefficients b_j/j! are a.
 
 from __future__ import annotations
 
-from vibroimpact.kernels.machine import inner
-from vibroimpact.kernels.vectors import fma, get, put, select
+from vibroimpact.kernels.shared.machine import inner
+from vibroimpact.kernels.shared.vectors import fma, get, put, select
 
 # A step is at most REACH radians of the fastest rate; what the series leaves out is some REACH^21/21! = 5e-18 of the
 # motion's size.
