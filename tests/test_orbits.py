@@ -315,3 +315,10 @@ def test_a_stable_orbit_is_a_motion_that_the_mass_stays_on_and_an_inadmissible_o
                 assert later["velocity"].values == pytest.approx(orbit.velocities, rel=1e-6), osc
     assert kept > 10
     assert penetrating > 2
+
+
+@pytest.mark.parametrize("name", ["energy", "omegas"])
+def test_the_value_of_what_neither_the_model_nor_the_orbit_has_is_refused(name):
+    (orbit,) = vi.find_orbit(vi.ImpactOscillator(omega=2.0))
+    with pytest.raises(ValueError, match=f"unknown parameter '{name}'; choose from mass, "):
+        orbit.value(name)

@@ -22,7 +22,7 @@ from vibroimpact.orbits.cycle import cycle_of
 from vibroimpact.orbits.equations import Floats, turns_of
 from vibroimpact.orbits.events import IMPACT
 from vibroimpact.orbits.symmetry import mirror
-from vibroimpact.parameters import ENERGY
+from vibroimpact.parameters import ENERGY, unknown
 from vibroimpact.showing import MOST, Shown, Table
 
 SPLIT = 1e-6  # multipliers that meet on the unit circle are known to the square root of rounding
@@ -148,7 +148,7 @@ class Orbit(Shown):
         return model
 
     def value(self, parameter: str) -> float:
-        """Return the value of a parameter of its model, or the "energy" (J) if that is constant."""
+        """Return the value of a parameter of its model, or the "energy" (J) if that is constant, or refuse the name."""
         free = parameter == ENERGY.name and not self.oscillator.energy_changes
         return self.energy if free else value_of(self.model, parameter)
 
@@ -357,6 +357,8 @@ def family_of(model: Model) -> Model | None:
 
 def value_of(model: Model, name: str) -> float:
     """Return the value of a parameter of a model, also if that parameter replaces another one."""
+    if name not in model.parameters:
+        raise unknown("parameter", name, model.parameters)
     values = model.values
     value = values[name] if name in values else getattr(model, name)
     return int(value) if model.parameters[name].whole else float(value)
