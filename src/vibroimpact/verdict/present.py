@@ -189,7 +189,9 @@ def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ..
     names = distinct_names(attractors)
     found = (replace(attractor, model=present.model) for attractor in attractors)
     motions = [_coexisting(attractor, name) for attractor, name in zip(found, names, strict=True)]
-    at = next((i for i, attractor in enumerate(attractors) if _is_present(attractor, present)), None)
+    possible = [i for i, attractor in enumerate(attractors) if _is_present(attractor, present)]
+    mean = present.measured.indices["mean_velocity"]  # distinguishes chaotic motions
+    at = min(possible, key=lambda i: abs(attractors[i].mean_velocity - mean), default=None)
     if at is None:
         measured = present.measured
         loss = measured.loss and present.indices["dissipation"]  # 0 without impacts
@@ -217,7 +219,7 @@ def _coexisting(attractor: Attractor, name: str) -> Coexisting:
 
 
 def _is_present(attractor: Attractor, present: Present) -> bool:
-    """Whether an attractor is the present motion; there is one at most of each kind that sticks or does not hit."""
+    """Whether an attractor may be the present motion; only of the chaotic ones there may be several."""
     measured, followed = present.measured, present.attractor
     if followed is not None:
         return attractor.kind == followed.kind and alike(attractor, followed)
