@@ -69,7 +69,7 @@ class CpuBackend(Backend):
             return scalar.samples(cells, measurement)
         from vibroimpact.backends.modal import samples  # compiled on first use
 
-        motions, served = np.empty(len(cells), object), one_mass.served(cells, measurement)
+        motions, served = np.empty(len(cells), object), one_mass.is_one_mass(cells)
         if served.any():
             motions[served] = one_mass.samples(cells[served], measurement, scalar.samples)
         if not served.all():
@@ -90,7 +90,7 @@ def _sweeps(cells: Cells, measurement: Measurement) -> Iterator[tuple[Counts, An
         return
     from vibroimpact.backends.modal.sweep import SystemSweep  # compiled on first use
 
-    served = one_mass.served(cells, measurement)
+    served = one_mass.is_one_mass(cells)
     if served.any():
         oscillators, ahead = one_mass.as_one_mass(cells[served])
         yield np.flatnonzero(served), scalar.Sweep(oscillators, measurement, ahead)

@@ -29,7 +29,6 @@ from vibroimpact.backends.base import (
     with_stop_axis,
 )
 from vibroimpact.cells import Cells
-from vibroimpact.indices import EVERY
 from vibroimpact.model.elements import BLOCKS
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.system_cells import SystemCells
@@ -58,12 +57,6 @@ def is_one_mass(cells: SystemCells) -> NDArray[np.bool_]:
         scale = as_one_mass(cells)[0].velocity_scale
         plain &= np.abs(scale - cells["scale"]) <= SAME * cells["scale"]
     return plain
-
-
-def served(cells: SystemCells, measurement: Measurement) -> NDArray[np.bool_]:
-    """Return which cells the engine of one mass can compute with the requested measurement."""
-    able = EVERY.keys() >= set(measurement.indices)
-    return is_one_mass(cells) if able else np.zeros(len(cells), bool)
 
 
 def as_one_mass(cells: SystemCells) -> tuple[Cells, Floats]:

@@ -101,14 +101,14 @@ class Settled:
             self.indices["n_periods"][unnamed] = self.indices["n_impacts"][unnamed] = 0
 
     @cached_property
-    def _model(self) -> tuple[NDArray[np.int8], int, bool]:
+    def _rule(self) -> tuple[NDArray[np.int8], int, bool]:
         """What motions of each kind settle to, bits of the stops struck without loss, and whether motions may wind."""
         lossless = int(lasting_stops(self.osc) @ (1 << np.arange(len(self.osc.stops))))
         return attracting_kinds(self.osc), lossless, may_wind(self.osc)
 
     def _kinds(self, outcome: Outcome, kept: int) -> NDArray[np.int8]:
         """Return the kind of motion that each cell settles to, from the outcome of a window of `kept` impacts."""
-        settles_to, lossless, winds = self._model
+        settles_to, lossless, winds = self._rule
         growth = outcome["lyapunov_per_impact"] * kept
         kinds = decide(outcome["status"], growth, outcome["n_periods"], outcome["n_impacts"], kept if winds else 0)
         attracting: NDArray[np.int8] = settles_to[kinds]

@@ -140,13 +140,13 @@ def orbit_near(search: Search, state: State) -> Orbits:
         return Orbits(outcome="none", message=f"the motion from `near` ends without impacts: {why}")
     first, settled = _Hits(cell, 2 * LONGEST + 1), Orbits()
     if n:
-        settled = _settled(search, _Hits(_after(cell, impacts), max(int(p), 1) + 1), int(n), int(p))
+        settled = _settled(search, _Hits(_after(cell, impacts) or cell, max(int(p), 1) + 1), int(n), int(p))
         if settled:
             settled.message = f"the motion from `near` settles to this {settled[0].name} orbit within {impacts} impacts"
     found, near = _nearest(search, first, settled, LONGEST)
     if n or near:
         return found
-    return _passed(search, _Hits(_after(cell, SEEN), SEEN), Motion(kind.word, status=status))
+    return _passed(search, _Hits(_after(cell, SEEN) or cell, SEEN), Motion(kind.word, status=status))
 
 
 def _nearest(search: Search, first: _Hits, settled: Orbits, longest: int) -> tuple[Orbits, bool]:
@@ -168,7 +168,9 @@ def _approached(search: Search, cell: Any) -> Orbits:
     """
     skipped = 0
     for further in APPROACH:
-        cell, skipped = _after(cell, further), skipped + further
+        if (cell := _after(cell, further)) is None:
+            break
+        skipped += further
         hits = _Hits(cell, 2 * PASSING + 1)
         for back in hits.returns(1, PASSING):
             found = _solved(search, hits, back)
@@ -180,11 +182,11 @@ def _approached(search: Search, cell: Any) -> Orbits:
 
 
 def _after(cell: Any, impacts: int) -> Any:
-    """Return the cell started after so many impacts; where there are fewer, as it is."""
+    """Return the cell started after so many impacts, or None if there are fewer."""
     if not impacts:
         return cell
     (samples,) = get_backend("cpu").samples(cell, Measurement(ImpactWindow(impacts - 1, 1)))
-    return cell.continuing(samples) if len(samples.impact_phase) else cell
+    return cell.continuing(samples) if len(samples.impact_phase) else None
 
 
 def _settled(search: Search, hits: _Hits, n: int, p: int) -> Orbits:

@@ -24,21 +24,13 @@ from vibroimpact.orbits.distance import Impacts, equal_parts, points_of, same_or
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Orbit, family_of, phases_of
-from vibroimpact.orbits.results import NOTHING, Guess, Orbits, Solution, ordered, reached
+from vibroimpact.orbits.results import NOTHING, Guess, Orbits, Search, Solution, ordered, reached
 from vibroimpact.parameters import counted, invalid, real_number
 
 
 @dataclass(frozen=True)
-class OneMassSearch:
-    """The search for the periodic orbits of one mass in front of one rigid stop, a `Search`."""
-
-    model: Model
-
-    @property
-    def design(self) -> ImpactOscillator:
-        """The oscillator at the values of the model."""
-        osc: ImpactOscillator = self.model.at()
-        return osc
+class OneMassSearch(Search):
+    """The search for the periodic orbits of one mass in front of one rigid stop."""
 
     def of_type(
         self,

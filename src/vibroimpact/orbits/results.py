@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -66,31 +68,39 @@ class Solution(NamedTuple):
     orbit: Callable[[], Orbit]
 
 
-class Search(Protocol):
-    """A search for the periodic orbits of a model, of one mass or of systems, made once for each model."""
+@dataclass(frozen=True)
+class Search(ABC):
+    """A search for the periodic orbits of a model, of one mass or of systems, made once for each model.
 
-    @property
-    def model(self) -> Model:
-        """The model whose orbits are sought, for a family at its own values."""
+    Those of a family are sought at its own values.
+    """
 
-    @property
+    model: Model
+
+    @cached_property
     def design(self) -> Any:
-        """The oscillator or system at these values."""
+        """The oscillator or system at the values of the model."""
+        return self.model.at()
 
+    @abstractmethod
     def of_type(
         self, n_periods: int, n_impacts: int, stops: tuple[int, ...] | None, guess: Guess, *, symmetric: bool
     ) -> Orbits:
         """Return the orbits of a type: on any stops, on given ones in the order of time, or symmetric ones."""
 
+    @abstractmethod
     def of_one_impact(self, n_periods: int, *, symmetric: bool = False) -> Iterator[Solution]:
         """Yield the solutions with one impact on any stop and, if asked, those with one in each mirrored half."""
 
+    @abstractmethod
     def of_cycle(self, n_periods: int, samples: Samples, span: slice) -> Orbits:
         """Return the orbits near a motion that has settled, from the impacts of one cycle in its samples."""
 
+    @abstractmethod
     def from_motion(self, cell: Any, skipped: int, n_periods: int, n_impacts: int) -> Orbits:
         """Return the orbit that Newton's method reaches from the motion of a cell after some impacts."""
 
+    @abstractmethod
     def state_of(self, guess: Guess) -> State | None:
         """Return the state that a guess stands for, or None."""
 

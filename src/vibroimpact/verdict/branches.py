@@ -31,10 +31,11 @@ def present_orbits(present: Present, motions: Sequence[Coexisting]) -> list[Any]
 
 
 def _orbit_of(motion: Coexisting) -> Any:
-    """Return the orbit of a motion that is an attractor, or None."""
+    """Return the orbit of a motion that repeats after few impacts, or None."""
     attractor = motion.attractor
-    soon = attractor is not None and motion.repeats and 0 < len(attractor.velocities) <= MOST_IMPACTS
-    return attractor.orbit if attractor is not None and soon else None
+    if attractor is None or not motion.repeats or not 0 < len(attractor.velocities) <= MOST_IMPACTS:
+        return None
+    return attractor.orbit
 
 
 class LazyBranch:

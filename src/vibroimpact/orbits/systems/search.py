@@ -13,15 +13,14 @@ import numpy as np
 
 from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
 from vibroimpact.cells import Floats
-from vibroimpact.model import Model, State
-from vibroimpact.model.system import ImpactSystem
+from vibroimpact.model import State
 from vibroimpact.motion import cycle_name
 from vibroimpact.motion.recognition import cycle_length
 from vibroimpact.orbits.cycle import Cycle
 from vibroimpact.orbits.distance import same_orbit
 from vibroimpact.orbits.equations import SAME
 from vibroimpact.orbits.flow import Flow
-from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits, Solution, numbers_of, ordered, reached
+from vibroimpact.orbits.results import IMPACTS, NOTHING, Guess, Orbits, Search, Solution, numbers_of, ordered, reached
 from vibroimpact.orbits.symmetry import mirror
 from vibroimpact.orbits.systems.admissibility import far_beyond
 from vibroimpact.orbits.systems.closed_form import one_impact
@@ -38,16 +37,8 @@ LOOK = 128  # impacts sampled, in which cycles of up to half as many are recogni
 
 
 @dataclass(frozen=True)
-class SystemSearch:
-    """The search for the periodic orbits of a system, a `Search`."""
-
-    model: Model
-
-    @cached_property
-    def design(self) -> ImpactSystem:
-        """The system at the values of the model."""
-        system: ImpactSystem = self.model.at()
-        return system
+class SystemSearch(Search):
+    """The search for the periodic orbits of a system."""
 
     @cached_property
     def flow(self) -> Flow:
