@@ -250,6 +250,31 @@ def test_a_first_map_of_a_system_compiles_about_as_much_as_one_of_one_mass(tmp_p
     assert section + simulated < 0.75 * one
 
 
+LAW = """vi.ImpactSystem(
+    mass=1.0, damping=0.1, stiffness=1.0, force=vi.Force(omega=1.0, harmonics={1: 1.0}),
+    stops=[vi.Stop(direction=1.0, gap=0.1, restitution=lambda v: 1.0 / (1.0 + v))],
+)"""
+
+
+def test_python_calls_only_kernels_that_are_kept_and_not_interrupted():
+    """One that other kernels are meant to call would be compiled in each process, where Ctrl-C would be lost."""
+    code = (
+        "import numba.core.event as event, vibroimpact as vi\n"
+        "from vibroimpact import compiling\n"
+        "from vibroimpact.kernels.shared import interrupts\n"
+        "def begun(self, event):\n"
+        "    if not compiling.under_way() and interrupts._kept is None: print(event.data['dispatcher'].__name__)\n"
+        "methods = {'on_start': begun, 'on_end': lambda *_: None}\n"
+        "event.register('numba:compile', type('Begun', (event.Listener,), methods)())\n"
+        f"for model in (vi.ImpactOscillator(), vi.models.impact_damper(), {LAW}):\n"
+        "    for compute in (vi.simulate, vi.impact_section, vi.attractors, vi.describe, vi.find_orbit):\n"
+        "        compute(model)\n"
+        "    vi.parameter_map(model, omega=[1.0, 1.2], indices='all')\n"
+    )
+    done = python(code)
+    assert (done.stdout, done.returncode) == ("", 0), done.stderr
+
+
 @pytest.mark.long
 def test_what_a_kernel_is_interrupted_at_is_compiled_before_the_interrupt_is_felt(tmp_path):
     """No exception can pass through a kernel that waits for a part of it."""

@@ -15,6 +15,8 @@ from numba import cfunc, float64, int64, njit, types
 from numba.core.errors import NumbaError
 from numba.extending import intrinsic
 
+from vibroimpact.kernels.shared.interrupts import uninterrupted
+
 _COMPILED: dict[float, Any] = {}  # by the marks of what was compiled: what is called must not go away
 
 
@@ -80,7 +82,8 @@ def address_of(code: float, rule: Callable[[Callable[[Any], Any], Any], Any]) ->
                 except Exception:
                     return math.nan
 
-            _COMPILED[code] = cfunc(float64(float64, float64, int64), error_model="numpy")(guarded)
+            with uninterrupted():
+                _COMPILED[code] = cfunc(float64(float64, float64, int64), error_model="numpy")(guarded)
         except (NumbaError, TypeError) as error:
             raise ValueError(
                 "`restitution` is a function that numba cannot compile; write it with numbers and `math` alone, and "

@@ -163,7 +163,7 @@ class _Recorder:
             steps=int(note[march.STEPS]),
             last_displacement=shapes @ rows[k.eta : k.eta + n],
             last_velocity=shapes @ rows[k.rate : k.rate + n] / h,
-            last_phase=march.moment(*rows[k.turn : k.turn + 3])[1],
+            last_phase=march.moment.py_func(*rows[k.turn : k.turn + 3])[1],
         )
 
 
