@@ -8,6 +8,7 @@ import threading
 import time
 import weakref
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,7 +23,8 @@ from vibroimpact.explorer.plane import SIDES, Plane, bands, compute_line, find_c
 from vibroimpact.explorer.point import find_others
 from vibroimpact.explorer.session import Explorer
 from vibroimpact.explorer.state import View
-from vibroimpact.explorer.work import Clock, Pool, Urgency
+from vibroimpact.explorer.work import NICE, Clock, Pool, Urgency
+from vibroimpact.kernels.shared.claims import claim_what_is_missing
 
 
 @pytest.fixture
@@ -54,6 +56,34 @@ def test_while_pages_are_open_a_motion_waits_for_no_search_each_time_it_comes_ba
     pool.close()
     assert sys.getswitchinterval() == pytest.approx(0.005)
     sys.setswitchinterval(usual)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only on Linux do threads have their own niceness")
+def test_what_a_thread_of_low_priority_needs_is_compiled_at_the_full_one(pool):
+    """On a busy machine the motion of a click, too, waited minutes for what a plane had begun to compile."""
+    niceness, told = [], queue.Queue()
+
+    class Alone:
+        """Stands for a kernel that is compiled in a thread begun by one of the pool's, as maps begin some."""
+
+        _cache = SimpleNamespace(load_overload=None, _py_func=vi.simulate)
+
+        def compile(self, signature):
+            niceness.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
+
+    kernel = Alone()
+    claim_what_is_missing(kernel, "", ("nothing", 0.0, ""))
+
+    def work():
+        thread = threading.Thread(target=kernel.compile, args=("signature",))
+        thread.start()
+        thread.join()
+        told.put(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
+
+    pool.submit(None, Urgency.FINE, work)
+    usual = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+    assert told.get(timeout=300) == min(usual + NICE, 19)
+    assert niceness == [usual]
 
 
 class Endless:

@@ -9,10 +9,18 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+Result = TypeVar("Result")
 
 SILENT = 1.0  # s: shorter compilations are not announced
 
 watching: list[Callable[[], None]] = []  # called when a compilation begins, and when it ends
+
+compilers: list[Executor] = []  # the last one compiles for all threads: others wait for what one of low priority needs
 
 announcing: list[Callable[[], None]] = []  # called before a compilation is announced
 _begun: list[tuple[str, float]] = []
@@ -67,3 +75,8 @@ def clock() -> float:
 def under_way() -> str:
     """Return the name of the kernel that is being compiled; an empty string if there is none."""
     return _begun[0][0] if _begun else ""
+
+
+def carried_out(compilation: Callable[[], Result]) -> Result:
+    """Return the result of a compilation, by another thread if there is one that compiles for all."""
+    return compilers[-1].submit(compilation).result() if compilers else compilation()

@@ -10,12 +10,13 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Hashable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
 from itertools import count
 
-from vibroimpact.compiling import clock
+from vibroimpact.compiling import clock, compilers
 from vibroimpact.execution.threads import worker_count
 from vibroimpact.explorer.plane import TRIED, KeepGoing, Plane, bands, sides
 from vibroimpact.progress import SWITCH
@@ -50,7 +51,8 @@ class Pool:
     """Threads that run the jobs of many owners; one extra thread runs only clicks, and one only searches.
 
     So clicks never wait for planes, nor planes for searches, which may take many seconds. Among equally urgent jobs,
-    the owner that has waited longest is served first.
+    the owner that has waited longest is served first. What any thread of this process needs compiled, one of full
+    priority compiles, as others wait for it.
 
     Parameters
     ----------
@@ -66,6 +68,9 @@ class Pool:
         self._changed = threading.Condition()
         self._open = True
         self._clicked = -math.inf
+        self._compiler = ThreadPoolExecutor(1, "explorer-compiler")
+        self._compiler.submit(int)  # its thread begins now: it inherits the priority of the one that begins it
+        compilers.append(self._compiler)
         self._switch_interval = sys.getswitchinterval()
         sys.setswitchinterval(SWITCH)
         general = tuple(urgency for urgency in Urgency if urgency < Urgency.SEARCH)
@@ -109,6 +114,7 @@ class Pool:
             self._changed.notify_all()
         for thread in self._threads:
             thread.join(5.0)
+        compilers.remove(self._compiler)
         sys.setswitchinterval(self._switch_interval)
 
     def _work(self, duty: tuple[Urgency, ...], yields: bool) -> None:

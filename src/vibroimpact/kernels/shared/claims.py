@@ -50,7 +50,7 @@ def claim_what_is_missing(driver: Any, folder: str, announcement: tuple[str, flo
     def compiled(signature: Any) -> Any:
         try:
             with uninterrupted():
-                return compile_alone(signature)
+                return compiling.carried_out(lambda: compile_alone(signature))
         finally:
             claims.close()  # of what failed, too: who compiles it next would wait for this process itself
 
