@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from itertools import pairwise
 
 import matplotlib
@@ -17,7 +17,6 @@ from vibroimpact.coexistence.measuring import Runner, Start, cells_of
 from vibroimpact.indices import INDICES
 from vibroimpact.model.oscillator import PARAMETERS
 from vibroimpact.plotting import comparison_figure
-from vibroimpact.verdict import present
 from vibroimpact.verdict.advice import Advice
 from vibroimpact.verdict.changes import advice_text, ends_of
 from vibroimpact.verdict.compare import Comparison
@@ -199,16 +198,6 @@ def test_a_mass_pressed_for_ever_is_lifted_off_where_the_force_is_the_preload():
 
 
 # What coexists, and what would calm it
-
-
-def test_of_several_chaotic_motions_the_present_one_is_that_with_its_mean_velocity(chaotic, monkeypatch):
-    (found,) = vi.attractors(chaotic.oscillator)
-    softer = replace(found, share=0.9, mean_velocity=0.5 * found.mean_velocity)
-    monkeypatch.setattr(present, "attractors_by", lambda runner, osc: [softer, replace(found, share=0.1)])
-    runner = Runner()
-    first, other = present.coexisting_motions(present.present_motion(chaotic.oscillator, runner), runner)
-    assert (first.from_rest, first.share) == (True, 0.1)
-    assert (other.from_rest, other.share) == (False, 0.9)
 
 
 def test_at_w_3_a_sticking_motion_coexists_with_a_periodic_one():

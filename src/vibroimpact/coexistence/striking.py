@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow
 from vibroimpact.backends.base import Counts, Floats, Samples, energy_loss
 from vibroimpact.coexistence.final import release_phase, released
+from vibroimpact.coexistence.losses import Design
 from vibroimpact.coexistence.measuring import AT_REST, EQUAL, SPREAD, Runner, carried
 from vibroimpact.coexistence.settling import Settled, chaotic_groups, cycle_groups
 from vibroimpact.model import State
@@ -49,7 +50,7 @@ SOLVED = 64  # impacts of the longest cycle that is solved for
 BOXES = 64  # of the impact surface, along phase and along velocity
 SHARED = 0.5  # of the impacts of two chaotic motions in the same boxes: above this they are one attractor
 SHORTER = 16  # samples that are compared with that of an attractor, than this
-WANDERING = 4000  # impacts, at most, from a release to the next rest that are sampled of intermittent sticking
+WANDERING = 4000  # impacts that are sampled of intermittent sticking, at most, from a release to the next rest
 
 
 @dataclass(frozen=True)
@@ -83,8 +84,11 @@ class SettledMotion:
 
     def visited(self, phases: Floats, velocities: Floats, stops: Counts) -> bool:
         """Return whether impacts of a chaotic motion show that it is this one."""
-        boxes, least = self._boxes
-        return bool(np.isin(self._boxes_of(phases, velocities, stops), boxes).mean() > least)
+        return self.shared(phases, velocities, stops) > self._boxes[1]
+
+    def shared(self, phases: Floats, velocities: Floats, stops: Counts) -> float:
+        """Return the share of some impacts that lie in boxes that this motion visits."""
+        return float(np.isin(self._boxes_of(phases, velocities, stops), self._boxes[0]).mean())
 
 
 def alike(one: Any, other: Any, tolerance: float = SAME) -> bool:
@@ -229,6 +233,20 @@ def _of_one_mass(settled: Settled, at: int, phases: Floats, speeds: Floats, n: i
     exponent, loss = (float(settled.indices[name][at]) for name in ("lyapunov", "dissipation"))
     start = State(settled.osc.gap, float(speeds[0]), float(phases[0]) * settled.osc.period)
     return SettledMotion(phases, speeds, np.zeros(len(speeds), np.int64), start, exponent, loss, n)
+
+
+def most_like(runner: Runner, osc: Design, state: State, others: Sequence[State]) -> int:
+    """Return which of some states lies on the motion that does not repeat of another state, or on one most like it."""
+    cells = (carried(osc, each) for each in (state, *others))
+    mine, *theirs = (runner.samples(cell, ImpactWindow(0, WANDERING))[0] for cell in cells)
+    impacts = mine.impact_phase, mine.impact_velocity, mine.impact_stop
+
+    def shared(number: int) -> float:
+        one = theirs[number]
+        motion = SettledMotion(one.impact_phase, one.impact_velocity, one.impact_stop, state, math.nan, math.nan)
+        return motion.shared(*impacts) if len(one.impact_phase) and len(mine.impact_phase) else 0.0
+
+    return max(range(len(theirs)), key=shared)
 
 
 def sample(runner: Runner, settled: Settled, at: int, window: ImpactWindow) -> SettledMotion:

@@ -11,7 +11,7 @@ from vibroimpact.coexistence.attractor import distinct_names
 from vibroimpact.coexistence.final import Final, final_motion, thrifty
 from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runner, Start, last_of
 from vibroimpact.coexistence.search import attractors_by, from_rest
-from vibroimpact.coexistence.striking import alike
+from vibroimpact.coexistence.striking import alike, most_like
 from vibroimpact.dataset import provenance
 from vibroimpact.indices import with_missing
 from vibroimpact.labels import labelled_impacts
@@ -190,14 +190,15 @@ def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ..
     found = (replace(attractor, model=present.model) for attractor in attractors)
     motions = [_coexisting(attractor, name) for attractor, name in zip(found, names, strict=True)]
     possible = [i for i, attractor in enumerate(attractors) if _is_present(attractor, present)]
-    mean = present.measured.indices["mean_velocity"]  # distinguishes chaotic motions
-    at = min(possible, key=lambda i: abs(attractors[i].mean_velocity - mean), default=None)
-    if at is None:
+    if len(possible) > 1:  # several chaotic motions, also mirror images
+        others = [attractors[at].start for at in possible]
+        possible = [possible[most_like(runner, present.oscillator, present.state, others)]]
+    if not possible:
         measured = present.measured
         loss = measured.loss and present.indices["dissipation"]  # 0 without impacts
         first = Coexisting(measured.name, 0.0, 0.0, loss, True, measured.n_periods, present.state)
     else:
-        first = replace(motions.pop(at), from_rest=True)
+        first = replace(motions.pop(possible[0]), from_rest=True)
     return replace(first, max_velocity=present.hardest), *motions
 
 
