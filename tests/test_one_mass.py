@@ -119,6 +119,24 @@ def test_its_attractors_are_those_of_the_oscillator(block):
     assert compared > 4
 
 
+UNFORCED = {  # c, r, g: what every initial condition leads to, however long it takes
+    (1e-6, 1.0, 0.1): ["at rest"],
+    (1e-6, 1.0, -0.1): ["at rest"],
+    (1e-7, 1.0 - 1e-7, 0.0): ["at rest"],
+    (0.0, 1.0 - 1e-6, 0.1): ["no impact"],  # swings, undamped, just clear of the stop
+    (0.0, 1.0 - 1e-6, -0.1): ["at rest"],
+    (0.0, 1.0, 0.1): [],  # nothing is attracted
+}
+
+
+@pytest.mark.parametrize("form", ["oscillator", "system"])
+@pytest.mark.parametrize(("numbers", "names"), UNFORCED.items())
+def test_without_a_force_it_comes_to_rest_or_swings_clear(numbers, names, form):
+    osc = vi.ImpactOscillator(amplitude=0.0, **dict(zip(("damping", "restitution", "gap"), numbers, strict=True)))
+    found = vi.attractors(osc if form == "oscillator" else one_mass(osc))
+    assert [(attractor.name, attractor.share) for attractor in found] == [(name, 1.0) for name in names]
+
+
 def test_chaos_has_the_same_statistics_by_both_engines(request):
     system = one_mass(vi.ImpactOscillator(omega=2.8))
     names = "std", "mean_velocity", "impacts_per_period", "lyapunov", "dissipation"

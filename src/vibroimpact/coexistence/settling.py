@@ -96,9 +96,9 @@ class Settled:
         self.passing[at] = np.fmax(self.passing[at], hit)
         self.kind[at] = self._kinds(outcome, kept)
         self.status[at] = _plain(outcome["status"], self.kind[at])
-        if not self.osc.forgets:  # what repeats without a loss, or without force, is no cycle of an attractor
-            unnamed = at[~np.isin(self.kind[at], (MotionClass.PERIODIC, MotionClass.STICKING))]
-            self.indices["n_periods"][unnamed] = self.indices["n_impacts"][unnamed] = 0
+        unnamed = at[~np.isin(self.kind[at], (MotionClass.PERIODIC, MotionClass.STICKING))]
+        self.indices["n_periods"][unnamed] = 0  # what repeats without a loss, or without force, is no cycle
+        self.indices["n_impacts"][unnamed] = 0
 
     @cached_property
     def _rule(self) -> tuple[NDArray[np.int8], int, bool]:
@@ -312,8 +312,7 @@ def attracting_kinds(osc: Design) -> NDArray[np.int8]:
     if not forced:
         settles_to[MotionClass.STUCK_FOREVER] = MotionClass.AT_REST
         settles_to[MotionClass.NO_IMPACT] = MotionClass.AT_REST if damped else MotionClass.NO_IMPACT
-        if not osc.forgets:
-            settles_to[[MotionClass.UNDECIDED, *_LASTING]] = settles_to[MotionClass.DECAYING]
+        settles_to[[MotionClass.UNDECIDED, *_LASTING]] = settles_to[MotionClass.DECAYING]
     return settles_to
 
 
