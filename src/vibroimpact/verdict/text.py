@@ -284,9 +284,9 @@ def _advice_lines(verdict: Verdict) -> Iterator[str]:
     elif verdict.worst is None and verdict.undecided:
         share = f"{100.0 * verdict.undecided:.3g} %"
         which = "are undecided" if verdict.oscillator.energy_changes else "keep the energy with which they hit"
-        yield f"none: no impacts from rest, but {share} of the initial conditions {which}"
+        yield f"none: once settled, no impacts from rest, but {share} of the initial conditions {which}"
     elif verdict.worst is None:
-        yield f"no impacts from rest or from any of {SPREAD} spread initial conditions"
+        yield f"once settled, no impacts from rest or from any of {SPREAD} spread initial conditions"
     elif not verdict.boundaries:
         yield "no parameter was varied"
     elif not verdict.advice:
