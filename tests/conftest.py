@@ -191,3 +191,12 @@ def shown():
 
     yield vi.plotting
     plt.close("all")
+
+
+@pytest.fixture(params=["one mass", "its system"])
+def form(request):
+    """Return what makes the model of an oscillator: itself, or its system, which the engine of systems then follows."""
+    if request.param == "one mass":
+        return lambda osc: osc
+    request.getfixturevalue("modal_engine")
+    return lambda osc: osc.system

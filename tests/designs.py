@@ -79,3 +79,16 @@ def orbit_of_one_impact(osc, n=1):
     numbers = osc.mass, osc.damping, osc.stiffness, osc.amplitude, osc.omega, osc.restitution
     v, phase = one_impact(Oscillator(*map(mp.mpf, numbers)), n)
     return vi.State(0.0, float(v), float(phase) * osc.period)
+
+
+def any_oscillator(rng):
+    """Return an oscillator of any proportions, lightly or heavily damped, with a gap of either sign."""
+    return vi.ImpactOscillator(
+        mass=10 ** rng.uniform(-1, 1),
+        damping=10 ** rng.uniform(-2, 1),
+        stiffness=10 ** rng.uniform(-1, 1),
+        amplitude=rng.uniform(0.1, 3),
+        omega=10 ** rng.uniform(-0.5, 0.5),
+        restitution=rng.uniform(0.1, 0.95),
+        gap=rng.uniform(-0.5, 0.5),
+    )

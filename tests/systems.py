@@ -457,3 +457,18 @@ def cantilever(elements, length=1.0):
     for at in range(0, 2 * elements, 2):
         whole[:, at : at + 4, at : at + 4] += np.array([m, k]) * scale
     return whole[:, 2:, 2:]
+
+
+def a_symmetric_system(rng, n):
+    """Return a random system of n coordinates between two stops that move and are mirror images of each other."""
+    system = a_random_system(rng, n, s=1)
+    (stop,), force = system.stops, system.force
+    motion = {1: 0.1 + 0.2j, 2: 0.05}
+    stops = [
+        stop.replace(motion=motion, name="above"),
+        stop.replace(
+            direction=-2.0 * stop.direction, gap=2.0 * stop.gap, motion={1: -0.2 - 0.4j, 2: 0.1}, name="below"
+        ),
+    ]
+    load = vi.Force(omega=force.omega, harmonics=dict(force.harmonics))
+    return vi.ImpactSystem(**system.arguments() | {"force": load, "stops": stops})

@@ -7,8 +7,8 @@ import pytest
 
 import vibroimpact as vi
 from contents import special_points
+from plain import Plain
 from systems import bouncing_ball, chain, changed, impact_damper, one_mass, two_sided
-from test_system_orbits import Plain
 from vibroimpact.continuation import follow_all
 from vibroimpact.orbits import orbit_distance
 
