@@ -153,7 +153,7 @@ def test_one_mass_never_moves_quasi_periodically_not_even_without_loss():
 
 
 # The bouncing ball's multipliers have the product r^2 and the sum 1 + r^2 - (1 + r)^2 sqrt(gamma^2 - fold^2); see
-# test_orbit_stability.
+# test_orbits.
 
 
 @pytest.mark.long(but=6)
