@@ -1,144 +1,19 @@
-"""Orbits of systems with compliant stops: against published points, an independent integrator, and rigid stops."""
+"""Orbits of systems with compliant stops: against an independent integrator, balances, and rigid stops."""
 
 import math
 import os
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.optimize import brentq
 
 import vibroimpact as vi
-from contents import special_points
+from compliant import between, bilinear, chain_on_two_stops, mixed, the_stable, two_masses
 from differences import derivative
 from dop853 import later
-from vibroimpact.orbits.labelled import orbits_dataset
 
 KELVIN_VOIGT = 0.571740027585  # restitution of z = 0.2, let go where the force is zero
-
-
-@vi.family
-def two_masses(omega=0.75, gap=1.0, push=0.1):
-    """Return the one-sided spring of NLvib (M. Krack and J. Gross, Harmonic Balance for Nonlinear Vibration Problems,
-    Springer 2019).
-    """
-    spring = vi.Stop(direction=[1, 0], gap=gap, stiffness=100.0, name="spring")
-    springs = np.array([[1.0, -1.0], [-1.0, 2.0]])
-    force = vi.Force(omega=omega, harmonics={1: [0.0, push * 1j]})
-    return vi.ImpactSystem(mass=np.eye(2), damping=0.03 * springs, stiffness=springs, force=force, stops=[spring])
-
-
-def bilinear(stiffness=100.0, damping=1.0, **changes):
-    """Return one mass in front of a compliant stop."""
-    stops = [vi.Stop(direction=1, gap=0.2, stiffness=stiffness, damping=damping, name="above")]
-    force = vi.Force(omega=2.0, harmonics={1: 1.0})
-    return vi.ImpactSystem(**{"mass": 1.0, "damping": 0.05, "stiffness": 1.0, "force": force, "stops": stops} | changes)
-
-
-@vi.family
-def between(omega=3.0, below=0.1, damping=0.0, gap=0.1, stiffness=30.0):
-    """Return one mass between two compliant stops."""
-    stops = [
-        vi.Stop(direction=1, gap=gap, stiffness=stiffness, damping=damping, name="above"),
-        vi.Stop(direction=-1, gap=below, stiffness=stiffness, damping=damping, name="below"),
-    ]
-    return bilinear(stops=stops, force=vi.Force(omega=omega, harmonics={1: 1.0}))
-
-
-@vi.family
-def mixed(omega=2.0, damping=1.0):
-    """Return one mass between a compliant stop and a rigid one."""
-    stops = [
-        vi.Stop(direction=1, gap=0.2, stiffness=100.0, damping=damping, name="above"),
-        vi.Stop(direction=-1, gap=0.4, restitution=0.7, name="below"),
-    ]
-    return bilinear(stops=stops, force=vi.Force(omega=omega, harmonics={1: 1.0}))
-
-
-def chain_on_two_stops():
-    """Return two masses whose stops push at once for a part of the cycle."""
-    springs = np.array([[2.0, -1.0], [-1.0, 1.5]])
-    stops = [
-        vi.Stop(direction=[1, 0], gap=0.1, stiffness=40.0, damping=0.5, name="first"),
-        vi.Stop(direction=[0, 1], gap=0.2, stiffness=60.0, damping=0.8, name="second"),
-    ]
-    return vi.ImpactSystem(
-        mass=np.eye(2),
-        damping=0.1 * springs,
-        stiffness=springs,
-        force=vi.Force(omega=1.2, harmonics={1: [1.0, 0.5]}, constant=[0.1, 0.0]),
-        stops=stops,
-    )
-
-
-def of_one_stop(found):
-    return next(orbit for orbit in found if orbit.stable)
-
-
-# Published and closed-form values
-
-
-@pytest.fixture(scope="module")
-def branch():
-    return vi.continue_orbit(vi.find_orbit(two_masses)[0], "omega", (0.6, 0.8))
-
-
-@pytest.mark.long
-def test_two_masses_on_a_one_sided_spring_double_and_fold_where_it_is_known(branch):
-    assert sorted(point.value for point in special_points(branch, "period_doubling")) == pytest.approx(
-        [0.7387830254, 0.7555861594], abs=1e-10
-    )
-    assert sorted(point.value for point in special_points(branch, "fold")) == pytest.approx([0.7556273526], abs=1e-10)
-    assert max(point.residual for point in branch.special) < 1e-12
-
-
-@pytest.mark.long
-def test_two_masses_on_a_one_sided_spring_have_a_neimark_sacker_point(branch):
-    (point,) = special_points(branch, "neimark_sacker")
-    first, second = point.orbit.multipliers[:2]
-    assert abs(first) == pytest.approx(1.0, abs=1e-12)
-    assert first == second.conjugate()
-    assert first.imag > 0.1
-    assert point.value == pytest.approx(0.6186068742670, abs=1e-11)
-
-
-@pytest.mark.long
-def test_two_masses_on_a_one_sided_spring_swing_farthest_where_it_is_known():
-    # There the constant part counts half: sqrt(q_0^2/2 + sum |q_h|^2/2) of the displacement.
-    found = vi.continue_orbit(vi.find_orbit(two_masses.replace(omega=0.754))[0], "omega", (0.7525, 0.7552), step=0.02)
-    swings = []
-    for orbit in found.orbits:
-        displacement, _, _ = orbit.motion(np.linspace(0.0, orbit.period, 512, endpoint=False))
-        swings.append(math.hypot(displacement[:, 0].std(), displacement[:, 0].mean() / math.sqrt(2.0)))
-    at = int(np.argmax(swings))
-    assert swings[at] == pytest.approx(0.97951, abs=1e-5)
-    assert found.orbits[at].value("omega") == pytest.approx(0.75399, abs=2e-4)
-
-
-@pytest.mark.long
-def test_a_contact_is_born_where_the_motion_without_stops_swings_as_far_as_the_gap(branch):
-    (point,) = special_points(branch, "grazing")
-    system, omega = two_masses.at(), point.value
-    dynamic = system.stiffness - omega**2 * system.mass + 1j * omega * system.damping
-    assert abs(np.linalg.solve(dynamic, [0.0, 0.1])[0]) == pytest.approx(1.0, abs=1e-13)
-    assert point.orbit.velocities == (0.0,)
-    free = np.block([[np.zeros((2, 2)), np.eye(2)], [-system.stiffness, -system.damping]])
-    expected = np.exp(np.linalg.eigvals(free).real * point.orbit.period)
-    assert sorted(np.abs(point.orbit.multipliers)) == pytest.approx(sorted(expected), abs=1e-12)  # nothing jumps
-
-
-@pytest.mark.long
-def test_without_damping_multipliers_go_on_beyond_a_graze():
-    begin = of_one_stop(vi.find_orbit(between.replace(below=1.4, gap=0.2, omega=2.0, stiffness=100.0), stops="above"))
-    found = vi.continue_orbit(begin, "below", (1.0, 1.5))
-    (graze,) = special_points(found, "grazing")
-    born = next(
-        orbit for orbit in found.orbits if orbit.n_impacts == 2 and abs(orbit.value("below") - graze.value) < 1e-5
-    )
-    assert sum(begin.multipliers) == pytest.approx(sum(graze.orbit.multipliers), abs=1e-9)
-    assert {orbit.n_impacts for orbit in found.orbits} == {1, 2}
-    assert all(orbit.admissible for orbit in found.orbits)
-    assert 0.0 < min(born.velocities) < 0.02
-
 
 # All orbits of one contact
 
@@ -271,7 +146,7 @@ def test_every_motion_of_one_contact_that_a_sweep_of_the_gap_meets_is_found(part
     ids=["bilinear", "elastic", "mixed", "two at once", "two masses"],
 )
 def test_an_orbit_returns_to_itself_and_its_multipliers_are_those_of_a_runge_kutta_method(system, stops):
-    orbit = of_one_stop(vi.find_orbit(system, n_impacts=stops))
+    orbit = the_stable(vi.find_orbit(system, n_impacts=stops))
     assert orbit.admissible, orbit.message
     names = system.stop_names
     turn, pushing = _before_a_contact(orbit)
@@ -297,7 +172,7 @@ def _before_a_contact(orbit):
 
 
 def test_two_stops_push_at_once_in_the_chain():
-    orbit = of_one_stop(vi.find_orbit(chain_on_two_stops(), n_impacts=2))
+    orbit = the_stable(vi.find_orbit(chain_on_two_stops(), n_impacts=2))
     assert orbit.stops == ("second", "first")
     assert orbit.pushing == ("first",)
     assert [kind for _, kind, _ in orbit.events] == ["impact", "let_go", "let_go", "impact"]
@@ -307,7 +182,7 @@ def test_two_stops_push_at_once_in_the_chain():
 
 
 def test_the_motion_from_rest_settles_to_the_orbit_with_its_impulses_forces_times_and_depths():
-    orbit = of_one_stop(vi.find_orbit(mixed, n_impacts=2))
+    orbit = the_stable(vi.find_orbit(mixed, n_impacts=2))
     hits = vi.impact_section(mixed.at(), transient_impacts=2000, sample_impacts=4)
     for stop, velocity, impulse, contact in zip(
         orbit.stops, orbit.velocities, orbit.impulses, orbit.contacts, strict=True
@@ -321,11 +196,12 @@ def test_the_motion_from_rest_settles_to_the_orbit_with_its_impulses_forces_time
     assert math.isnan(orbit.contacts[orbit.stops.index("below")].peak_force)
 
 
-def test_a_table_of_orbits_lists_when_contacts_end_and_are_hardest_as_one_of_a_motion_does():
+def test_a_table_of_orbits_lists_when_contacts_end_and_are_hardest_as_one_of_a_motion_does(tmp_path):
     orbits = vi.find_orbit(mixed, n_impacts=2)
     number = [orbit.stable and orbit.admissible for orbit in orbits].index(True)
     motion = vi.simulate(mixed.at(), start=orbits[number].start, periods=3)
-    listed = orbits_dataset(orbits, mixed, {}).isel(orbit=number)
+    vi.save(orbits, tmp_path / "orbits.nc")
+    listed = xr.load_dataset(tmp_path / "orbits.nc").isel(orbit=number)
     np.testing.assert_allclose(listed["time"], motion["impact_time"][:2], rtol=1e-9)
     for name in ("exit_time", "exit_velocity", "peak_force_time", "penetration_time"):
         np.testing.assert_allclose(listed[name], motion[name][:2], rtol=1e-9, err_msg=name)
@@ -385,7 +261,7 @@ def test_what_random_motions_settle_to_is_an_orbit_with_the_same_velocities_and_
 
 @pytest.mark.parametrize("system", [bilinear(), mixed.at(), chain_on_two_stops()], ids=["one", "mixed", "two at once"])
 def test_over_a_cycle_the_force_does_the_work_that_dampers_and_stops_take(system):
-    orbit = of_one_stop(vi.find_orbit(system, n_impacts=len(system.stops)))
+    orbit = the_stable(vi.find_orbit(system, n_impacts=len(system.stops)))
     lost = sum(
         contact.energy_lost
         if stop.compliant
@@ -414,10 +290,10 @@ def test_over_a_cycle_the_force_does_the_work_that_dampers_and_stops_take(system
 
 
 def test_an_ever_stiffer_stop_tends_to_the_rigid_one_as_the_root_of_its_stiffness():
-    rigid = of_one_stop(vi.find_orbit(bilinear(stops=[vi.Stop(direction=1, gap=0.2, restitution=KELVIN_VOIGT)])))
+    rigid = the_stable(vi.find_orbit(bilinear(stops=[vi.Stop(direction=1, gap=0.2, restitution=KELVIN_VOIGT)])))
     apart, turned = [], []
     for stiffness in (1e3, 1e5, 1e7, 1e9):
-        orbit = of_one_stop(vi.find_orbit(bilinear(stiffness, 0.4 * math.sqrt(stiffness))))
+        orbit = the_stable(vi.find_orbit(bilinear(stiffness, 0.4 * math.sqrt(stiffness))))
         apart.append(abs(orbit.velocities[0] - rigid.velocities[0]))
         turned.append(abs(sum(orbit.multipliers) - sum(rigid.multipliers)))
         assert np.prod(orbit.multipliers).real == pytest.approx(orbit.determinant, rel=1e-10)
@@ -429,105 +305,13 @@ def test_an_ever_stiffer_stop_tends_to_the_rigid_one_as_the_root_of_its_stiffnes
 def test_the_closed_form_of_a_rigid_stop_stays_beside_a_stop_that_gives():
     alone = vi.Stop(direction=1, gap=0.2, restitution=0.7, name="bar")
     far, near = (vi.Stop(direction=-1, gap=gap, stiffness=50.0, name="spring") for gap in (5.0, 0.5))
-    orbit = of_one_stop(vi.find_orbit(bilinear(stops=[alone])))
-    beside = of_one_stop(vi.find_orbit(bilinear(stops=[alone, far]), stops="bar"))
+    orbit = the_stable(vi.find_orbit(bilinear(stops=[alone])))
+    beside = the_stable(vi.find_orbit(bilinear(stops=[alone, far]), stops="bar"))
     assert beside.velocities == orbit.velocities
     assert beside.admissible
     blocked = vi.find_orbit(bilinear(stops=[alone, near]), stops="bar")
     assert [found.admissible for found in blocked] == [False] * len(blocked)
     assert "would touch 'spring' too early" in blocked.message
-
-
-# Symmetry
-
-
-@pytest.fixture(scope="module")
-def symmetric():
-    (orbit,) = vi.find_orbit(between, stops="above", symmetric=True)
-    return vi.continue_orbit(orbit, "omega", (1.8, 3.2), step=0.05)
-
-
-def test_between_two_equal_springs_twins_are_born_at_a_pitchfork(symmetric):
-    (point,) = special_points(symmetric, "pitchfork")
-    assert min(abs(value + 1.0) for value in point.orbit.half_multipliers) < 1e-10
-    twin = vi.switch_branch(point)
-    assert not twin.symmetric
-    assert twin.n_periods == 1
-    assert twin.velocities[0] != pytest.approx(twin.velocities[1], rel=1e-6)
-    assert twin.twin.stops == twin.stops[::-1]
-    back = vi.find_orbit(twin.twin.system, stops=twin.twin.stops, near=twin.twin)
-    assert back[0].velocities == pytest.approx(twin.twin.velocities, rel=1e-9)
-
-
-def test_a_curve_of_pitchforks_is_followed_over_the_gap(symmetric):
-    (point,) = special_points(symmetric, "pitchfork")
-    curve = vi.continue_boundary(point, ("omega", "stiffness"), ((2.0, 2.3), (25.0, 35.0)), step=0.1)
-    assert curve.kind == "pitchfork"
-    assert max(curve.residuals) < 1e-10
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("number", range(5))
-def test_every_boundary_is_a_ray_of_force_over_gap(branch, number):
-    # Motion in units of the gap depends on the force over the gap alone.
-    point = branch.special[number]
-    curve = vi.continue_boundary(point, ("gap", "push"), ((0.5, 2.0), (0.05, 0.2)), step=0.05)
-    assert curve.kind == point.kind
-    ratios = [orbit.value("push") / orbit.value("gap") for orbit in curve.orbits]
-    assert ratios == pytest.approx([0.1] * len(ratios), rel=1e-11)
-    gaps = [orbit.value("gap") for orbit in curve.orbits]
-    assert (min(gaps), max(gaps)) == pytest.approx((0.5, 2.0))
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("kind", ["neimark_sacker", "fold"])
-def test_a_boundary_passes_through_the_special_points_of_a_branch_beside(branch, kind):
-    point = special_points(branch, kind)[0]
-    curve = vi.continue_boundary(point, ("omega", "gap"), ((0.6, 0.8), (0.9, 1.1)), step=0.05)
-    beside = min(curve.orbits, key=lambda orbit: abs(orbit.value("gap") - 0.95))
-    model, omega = two_masses.replace(gap=beside.value("gap")), beside.value("omega")
-    start = vi.find_orbit(model.replace(omega=omega - 0.002), stops=beside.stops, near=beside)[0]
-    crossing = vi.continue_orbit(start, "omega", (omega - 0.004, omega + 0.002))
-    assert min(abs(point.value - omega) for point in special_points(crossing, kind)) < 1e-10
-
-
-@pytest.mark.long
-def test_the_boundaries_of_a_plane_are_found_without_a_guess():
-    @vi.family
-    def one(gap=0.05, push=1.0):
-        stops = [vi.Stop(direction=1, gap=gap, stiffness=100.0, damping=1.0, name="above")]
-        return bilinear(stops=stops, force=vi.Force(omega=2.45, harmonics={1: push}))
-
-    curves = vi.boundary_curves(one, ("gap", "push"), ((0.02, 0.1), (0.4, 1.5)), n_periods=(1,), lines=2, step=0.2)
-    rays = {curve.kind: [orbit.value("gap") / orbit.value("push") for orbit in curve.orbits] for curve in curves}
-    steady = abs(1.0 / (1.0 - 2.45**2 + 0.05j * 2.45))
-    assert rays["grazing"] == pytest.approx([steady] * len(rays["grazing"]), rel=1e-12)
-    (doubling,) = (
-        point
-        for point in vi.continue_orbit(vi.find_orbit(one)[0], "gap", (0.04, 0.06)).special
-        if point.kind == "period_doubling"
-    )
-    assert rays["period_doubling"] == pytest.approx([doubling.value] * len(rays["period_doubling"]), rel=1e-10)
-
-
-# Guesses and refusals
-
-
-def test_a_state_near_an_orbit_of_several_contacts_is_a_guess():
-    orbit = of_one_stop(vi.find_orbit(chain_on_two_stops(), n_impacts=2))
-    displacement, velocity, _ = orbit.motion([0.0])
-    state = vi.State(displacement[0] * 1.001, velocity[0], 0.0)
-    (found,) = vi.find_orbit(chain_on_two_stops(), stops=orbit.stops, near=state)
-    assert found.velocities == pytest.approx(orbit.velocities, rel=1e-9)
-    with pytest.raises(ValueError, match="a state from which these stops are struck"):
-        vi.find_orbit(chain_on_two_stops(), stops=orbit.stops * 2, near=state)
-
-
-def test_times_of_contacts_are_a_guess_where_each_is_half_a_swing_on_its_spring():
-    orbit = of_one_stop(vi.find_orbit(mixed, n_impacts=2))
-    times = [turn * orbit.system.period + 0.01 for turn in orbit.turns]
-    (found,) = vi.find_orbit(mixed, stops=orbit.stops, near=times)
-    assert found.velocities == pytest.approx(orbit.velocities, rel=1e-9)
 
 
 def test_equal_springs_on_both_sides_are_mirror_images_and_others_are_not():
@@ -537,6 +321,26 @@ def test_equal_springs_on_both_sides_are_mirror_images_and_others_are_not():
     assert "no stop is the mirror image" in vi.find_orbit(other, stops="above", symmetric=True).message
     twice = vi.Stop(direction=-2, gap=0.2, stiffness=7.5, name="below")
     assert vi.find_orbit(bilinear(stops=[above, twice]), stops="above", symmetric=True)
+
+
+# Guesses and verdicts
+
+
+def test_a_state_near_an_orbit_of_several_contacts_is_a_guess():
+    orbit = the_stable(vi.find_orbit(chain_on_two_stops(), n_impacts=2))
+    displacement, velocity, _ = orbit.motion([0.0])
+    state = vi.State(displacement[0] * 1.001, velocity[0], 0.0)
+    (found,) = vi.find_orbit(chain_on_two_stops(), stops=orbit.stops, near=state)
+    assert found.velocities == pytest.approx(orbit.velocities, rel=1e-9)
+    with pytest.raises(ValueError, match="a state from which these stops are struck"):
+        vi.find_orbit(chain_on_two_stops(), stops=orbit.stops * 2, near=state)
+
+
+def test_times_of_contacts_are_a_guess_where_each_is_half_a_swing_on_its_spring():
+    orbit = the_stable(vi.find_orbit(mixed, n_impacts=2))
+    times = [turn * orbit.system.period + 0.01 for turn in orbit.turns]
+    (found,) = vi.find_orbit(mixed, stops=orbit.stops, near=times)
+    assert found.velocities == pytest.approx(orbit.velocities, rel=1e-9)
 
 
 def test_a_verdict_tells_how_hard_how_long_and_how_deep_the_hardest_contact_is():

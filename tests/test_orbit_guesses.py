@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from compliant import mixed
 from plain import Plain, differences, witnessed
 from systems import a_random_system, chain, two_sided
 from vibroimpact.orbits import orbit_distance, same_orbit
@@ -15,6 +16,7 @@ MODELS = {  # which settle to a period-1 impact-2 motion from rest, and a change
     "one mass": (OSC, {"gap": -0.01}),
     "its system": (OSC.system, {"stop_gap": -0.01}),
     "between two stops": (two_sided().replace(below_gap=0.3), {"below_gap": 0.31}),
+    "between a spring and a stop": (mixed.at(), {"below_gap": 0.41}),
 }
 
 

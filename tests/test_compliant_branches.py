@@ -1,0 +1,148 @@
+"""Branches of orbits on compliant stops, and their bifurcations and boundaries, against published and exact values."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from compliant import between, bilinear, the_stable, two_masses
+from contents import special_points
+
+
+@pytest.fixture(scope="module")
+def branch():
+    return vi.continue_orbit(vi.find_orbit(two_masses)[0], "omega", (0.6, 0.8))
+
+
+@pytest.mark.long
+def test_two_masses_on_a_one_sided_spring_double_and_fold_where_it_is_known(branch):
+    assert sorted(point.value for point in special_points(branch, "period_doubling")) == pytest.approx(
+        [0.7387830254, 0.7555861594], abs=1e-10
+    )
+    assert sorted(point.value for point in special_points(branch, "fold")) == pytest.approx([0.7556273526], abs=1e-10)
+    assert max(point.residual for point in branch.special) < 1e-12
+
+
+@pytest.mark.long
+def test_two_masses_on_a_one_sided_spring_have_a_neimark_sacker_point(branch):
+    (point,) = special_points(branch, "neimark_sacker")
+    first, second = point.orbit.multipliers[:2]
+    assert abs(first) == pytest.approx(1.0, abs=1e-12)
+    assert first == second.conjugate()
+    assert first.imag > 0.1
+    assert point.value == pytest.approx(0.6186068742670, abs=1e-11)
+
+
+@pytest.mark.long
+def test_two_masses_on_a_one_sided_spring_swing_farthest_where_it_is_known():
+    # There the constant part counts half: sqrt(q_0^2/2 + sum |q_h|^2/2) of the displacement.
+    found = vi.continue_orbit(vi.find_orbit(two_masses.replace(omega=0.754))[0], "omega", (0.7525, 0.7552), step=0.02)
+    swings = []
+    for orbit in found.orbits:
+        displacement, _, _ = orbit.motion(np.linspace(0.0, orbit.period, 512, endpoint=False))
+        swings.append(math.hypot(displacement[:, 0].std(), displacement[:, 0].mean() / math.sqrt(2.0)))
+    at = int(np.argmax(swings))
+    assert swings[at] == pytest.approx(0.97951, abs=1e-5)
+    assert found.orbits[at].value("omega") == pytest.approx(0.75399, abs=2e-4)
+
+
+@pytest.mark.long
+def test_a_contact_is_born_where_the_motion_without_stops_swings_as_far_as_the_gap(branch):
+    (point,) = special_points(branch, "grazing")
+    system, omega = two_masses.at(), point.value
+    dynamic = system.stiffness - omega**2 * system.mass + 1j * omega * system.damping
+    assert abs(np.linalg.solve(dynamic, [0.0, 0.1])[0]) == pytest.approx(1.0, abs=1e-13)
+    assert point.orbit.velocities == (0.0,)
+    free = np.block([[np.zeros((2, 2)), np.eye(2)], [-system.stiffness, -system.damping]])
+    expected = np.exp(np.linalg.eigvals(free).real * point.orbit.period)
+    assert sorted(np.abs(point.orbit.multipliers)) == pytest.approx(sorted(expected), abs=1e-12)  # nothing jumps
+
+
+@pytest.mark.long
+def test_without_damping_multipliers_go_on_beyond_a_graze():
+    begin = the_stable(vi.find_orbit(between.replace(below=1.4, gap=0.2, omega=2.0, stiffness=100.0), stops="above"))
+    found = vi.continue_orbit(begin, "below", (1.0, 1.5))
+    (graze,) = special_points(found, "grazing")
+    born = next(
+        orbit for orbit in found.orbits if orbit.n_impacts == 2 and abs(orbit.value("below") - graze.value) < 1e-5
+    )
+    assert sum(begin.multipliers) == pytest.approx(sum(graze.orbit.multipliers), abs=1e-9)
+    assert {orbit.n_impacts for orbit in found.orbits} == {1, 2}
+    assert all(orbit.admissible for orbit in found.orbits)
+    assert 0.0 < min(born.velocities) < 0.02
+
+
+# Symmetry
+
+
+@pytest.fixture(scope="module")
+def symmetric():
+    (orbit,) = vi.find_orbit(between, stops="above", symmetric=True)
+    return vi.continue_orbit(orbit, "omega", (1.8, 3.2), step=0.05)
+
+
+def test_between_two_equal_springs_twins_are_born_at_a_pitchfork(symmetric):
+    (point,) = special_points(symmetric, "pitchfork")
+    assert min(abs(value + 1.0) for value in point.orbit.half_multipliers) < 1e-10
+    twin = vi.switch_branch(point)
+    assert not twin.symmetric
+    assert twin.n_periods == 1
+    assert twin.velocities[0] != pytest.approx(twin.velocities[1], rel=1e-6)
+    assert twin.twin.stops == twin.stops[::-1]
+    back = vi.find_orbit(twin.twin.system, stops=twin.twin.stops, near=twin.twin)
+    assert back[0].velocities == pytest.approx(twin.twin.velocities, rel=1e-9)
+
+
+# Boundaries
+
+
+def test_a_curve_of_pitchforks_is_followed_over_the_gap(symmetric):
+    (point,) = special_points(symmetric, "pitchfork")
+    curve = vi.continue_boundary(point, ("omega", "stiffness"), ((2.0, 2.3), (25.0, 35.0)), step=0.1)
+    assert curve.kind == "pitchfork"
+    assert max(curve.residuals) < 1e-10
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", range(5))
+def test_every_boundary_is_a_ray_of_force_over_gap(branch, number):
+    # Motion in units of the gap depends on the force over the gap alone.
+    point = branch.special[number]
+    curve = vi.continue_boundary(point, ("gap", "push"), ((0.5, 2.0), (0.05, 0.2)), step=0.05)
+    assert curve.kind == point.kind
+    ratios = [orbit.value("push") / orbit.value("gap") for orbit in curve.orbits]
+    assert ratios == pytest.approx([0.1] * len(ratios), rel=1e-11)
+    gaps = [orbit.value("gap") for orbit in curve.orbits]
+    assert (min(gaps), max(gaps)) == pytest.approx((0.5, 2.0))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["neimark_sacker", "fold"])
+def test_a_boundary_passes_through_the_special_points_of_a_branch_beside(branch, kind):
+    point = special_points(branch, kind)[0]
+    curve = vi.continue_boundary(point, ("omega", "gap"), ((0.6, 0.8), (0.9, 1.1)), step=0.05)
+    beside = min(curve.orbits, key=lambda orbit: abs(orbit.value("gap") - 0.95))
+    model, omega = two_masses.replace(gap=beside.value("gap")), beside.value("omega")
+    start = vi.find_orbit(model.replace(omega=omega - 0.002), stops=beside.stops, near=beside)[0]
+    crossing = vi.continue_orbit(start, "omega", (omega - 0.004, omega + 0.002))
+    assert min(abs(point.value - omega) for point in special_points(crossing, kind)) < 1e-10
+
+
+@pytest.mark.long
+def test_the_boundaries_of_a_plane_are_found_without_a_guess():
+    @vi.family
+    def one(gap=0.05, push=1.0):
+        stops = [vi.Stop(direction=1, gap=gap, stiffness=100.0, damping=1.0, name="above")]
+        return bilinear(stops=stops, force=vi.Force(omega=2.45, harmonics={1: push}))
+
+    curves = vi.boundary_curves(one, ("gap", "push"), ((0.02, 0.1), (0.4, 1.5)), n_periods=(1,), lines=2, step=0.2)
+    rays = {curve.kind: [orbit.value("gap") / orbit.value("push") for orbit in curve.orbits] for curve in curves}
+    steady = abs(1.0 / (1.0 - 2.45**2 + 0.05j * 2.45))
+    assert rays["grazing"] == pytest.approx([steady] * len(rays["grazing"]), rel=1e-12)
+    (doubling,) = (
+        point
+        for point in vi.continue_orbit(vi.find_orbit(one)[0], "gap", (0.04, 0.06)).special
+        if point.kind == "period_doubling"
+    )
+    assert rays["period_doubling"] == pytest.approx([doubling.value] * len(rays["period_doubling"]), rel=1e-10)
