@@ -33,3 +33,8 @@ def until(condition):
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.005)
+
+
+def is_png(path):
+    """Return whether a file is an image in PNG."""
+    return path.read_bytes()[1:4] == b"PNG"
