@@ -9,7 +9,7 @@ import xarray as xr
 from scipy.optimize import brentq
 
 import vibroimpact as vi
-from compliant import between, bilinear, chain_on_two_stops, mixed, the_stable, two_masses
+from compliant import bilinear, chain_on_two_stops, mixed, the_stable, two_masses
 from differences import derivative
 from dop853 import later
 
@@ -312,15 +312,6 @@ def test_the_closed_form_of_a_rigid_stop_stays_beside_a_stop_that_gives():
     blocked = vi.find_orbit(bilinear(stops=[alone, near]), stops="bar")
     assert [found.admissible for found in blocked] == [False] * len(blocked)
     assert "would touch 'spring' too early" in blocked.message
-
-
-def test_equal_springs_on_both_sides_are_mirror_images_and_others_are_not():
-    assert vi.find_orbit(between, stops="above", symmetric=True)
-    above = vi.Stop(direction=1, gap=0.1, stiffness=30.0, name="above")
-    other = bilinear(stops=[above, vi.Stop(direction=-1, gap=0.1, stiffness=31.0, name="below")])
-    assert "no stop is the mirror image" in vi.find_orbit(other, stops="above", symmetric=True).message
-    twice = vi.Stop(direction=-2, gap=0.2, stiffness=7.5, name="below")
-    assert vi.find_orbit(bilinear(stops=[above, twice]), stops="above", symmetric=True)
 
 
 # Guesses and verdicts

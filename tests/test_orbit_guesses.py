@@ -9,7 +9,7 @@ import vibroimpact as vi
 from compliant import mixed
 from plain import Plain, differences, witnessed
 from systems import a_random_system, chain, two_sided
-from vibroimpact.orbits import orbit_distance, same_orbit
+from vibroimpact.orbits import same_orbit
 
 OSC = vi.ImpactOscillator(omega=0.9)
 MODELS = {  # which settle to a period-1 impact-2 motion from rest, and a change of each
@@ -132,27 +132,29 @@ def test_an_orbit_that_is_reached_after_a_long_transient_is_found(form):
     assert sorted(orbit.velocities) == pytest.approx(sorted(late["velocity"].values), rel=1e-9)
 
 
-@pytest.mark.parametrize("name", ["one mass", "its system", "chain"])
+ONCE = vi.ImpactOscillator(omega=2.0)  # its stable orbit has one impact, as that of the chain
+SHORTER = {
+    "one mass, from an impact": (ONCE, lambda known: {"n_impacts": 2, "near": (0.499, 6.2)}),
+    "one mass, from a state": (ONCE, lambda known: {"n_impacts": 2, "near": known.start}),
+    "its system, from a state": (ONCE.system, lambda known: {"n_impacts": 2, "near": known.start}),
+    "chain, from times": (
+        chain(),
+        lambda known: {"stops": ["bar", "bar"], "near": chain().period * (known.turns[0] + np.arange(2))},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SHORTER)
 def test_a_guess_that_leads_to_a_shorter_orbit_is_told(name):
-    osc = vi.ImpactOscillator(omega=2.0)
-    model = {"one mass": osc, "its system": osc.system, "chain": chain()}[name]
+    model, guess = SHORTER[name]
     known = next(orbit for orbit in vi.find_orbit(model) if orbit.stable)
-    orbits = vi.find_orbit(model, n_periods=2, n_impacts=2, near=known.start)
+    orbits = vi.find_orbit(model, n_periods=2, **guess(known))
     assert (list(orbits), orbits.outcome) == ([], "other_name")
     assert orbits.message == "converged to a period-1 impact-1 orbit instead of a period-2 impact-2 one"
 
 
-def test_a_shorter_orbit_is_recognised_from_times_from_an_impact_and_from_anywhere():
-    (known,) = (orbit for orbit in vi.find_orbit(chain()) if orbit.stable)
-    times = (known.turns[0] + np.arange(2)) * chain().period
-    osc = vi.ImpactOscillator(omega=2.0)
-    for orbits in (
-        vi.find_orbit(chain(), n_periods=2, stops=["bar", "bar"], near=times),
-        vi.find_orbit(osc, n_periods=2, n_impacts=2, near=(0.499, 6.2)),
-    ):
-        assert (list(orbits), orbits.outcome) == ([], "other_name")
-        assert orbits.message == "converged to a period-1 impact-1 orbit instead of a period-2 impact-2 one"
-    assert vi.find_orbit(osc, n_periods=3, n_impacts=3).outcome == "other_name"
+def test_guesses_that_all_lead_to_a_shorter_orbit_are_told():
+    assert vi.find_orbit(ONCE, n_periods=3, n_impacts=3).outcome == "other_name"
 
 
 def test_a_start_at_a_fold_is_called_singular(form):
@@ -189,18 +191,6 @@ def test_a_start_from_which_the_mass_hits_no_more_is_told(kind, why):
 
 
 # Several impacts by Newton's method
-
-
-@pytest.mark.usefixtures("modal_engine")
-@pytest.mark.parametrize(("omega", "n", "p"), [(0.95, 1, 2), (2.8, 2, 2), (3.0, 2, 2), (1.2, 2, 3), (0.6, 1, 3)])
-def test_newton_finds_the_orbits_of_several_impacts_of_the_oscillator(omega, n, p):
-    osc = vi.ImpactOscillator(omega=omega)
-    expected = vi.find_orbit(osc, n_periods=n, n_impacts=p)[0]
-    times = (np.array(expected.turns) + 0.01 * np.cos(np.arange(p))) * osc.period
-    (orbit,) = vi.find_orbit(osc.system, n_periods=n, stops=["stop"] * p, near=times)
-    assert orbit_distance(orbit, expected) < 1e-12
-    assert np.array(orbit.multipliers) == pytest.approx(np.array(expected.multipliers), rel=1e-9)
-    assert (orbit.name, orbit.stable, orbit.admissible) == (expected.name, expected.stable, expected.admissible)
 
 
 @pytest.mark.long(but=1)

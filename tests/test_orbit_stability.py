@@ -28,14 +28,18 @@ from vibroimpact.orbits import orbit_distance
 @pytest.mark.parametrize(
     ("omega", "n", "p"), [(2.8, 2, 2), (3.0, 2, 2), (1.2, 2, 3), (0.95, 1, 2), (0.9, 1, 2), (0.6, 1, 3)]
 )
-def test_the_engine_returns_to_every_orbit_found(omega, n, p):
+def test_newton_finds_the_orbits_of_several_impacts_from_times_and_the_engine_returns_to_them(omega, n, p):
     osc = vi.ImpactOscillator(omega=omega)
     orbits = vi.find_orbit(osc, n_periods=n, n_impacts=p)
     assert orbits
-    for orbit in orbits:
-        (same,) = vi.find_orbit(osc.system, n_periods=n, n_impacts=p, near=orbit)
+    for expected in orbits:
+        times = (np.array(expected.turns) + 0.01 * np.cos(np.arange(p))) * osc.period
+        (orbit,) = vi.find_orbit(osc.system, n_periods=n, stops=["stop"] * p, near=times)
+        assert orbit_distance(orbit, expected) < 1e-12
+        assert np.array(orbit.multipliers) == pytest.approx(np.array(expected.multipliers), rel=1e-9)
+        assert (orbit.name, orbit.stable, orbit.admissible) == (expected.name, expected.stable, expected.admissible)
+        check_return(expected)
         check_return(orbit)
-        check_return(same)
 
 
 @pytest.mark.parametrize("system", [two_sided(), chain(), impact_damper()], ids=["two sides", "chain", "damper"])
