@@ -74,6 +74,7 @@ def test_started_on_the_orbit_the_mass_leaves_the_stop_and_repeats_it(name):
         assert hits["release_time"].values[0] - orbit.start.time == pytest.approx(orbit.period, rel=1e-12)
 
 
+# The two masses rest at a stop without restitution: their motion is recognised by its five impacts.
 @pytest.mark.parametrize("name", [name for name in MODELS if name != "two masses"])
 def test_a_settled_section_is_recognised_as_the_same_motion(name):
     orbit = orbit_of(name)
@@ -312,11 +313,13 @@ def test_a_guess_that_does_not_fit_is_refused():
     ],
 )
 def test_no_sticking_orbit_where_the_mass_never_rests_or_is_never_let_go(form, numbers):
-    assert vi.find_orbit(form(vi.ImpactOscillator(**numbers)), n_impacts=-1) == []
+    osc = vi.ImpactOscillator(**numbers)
+    assert find_sticking_orbit(osc) == []
+    assert vi.find_orbit(form(osc), n_impacts=-1) == []
 
 
 def test_no_sticking_orbit_without_a_force():
-    assert vi.find_orbit(vi.ImpactOscillator(amplitude=0.0), n_impacts=-1) == []
+    assert find_sticking_orbit(vi.ImpactOscillator(amplitude=0.0)) == []
 
 
 @pytest.mark.parametrize(("hardest", "n_periods"), [(5.411, 18), (1.381, 27), (2.114, 30)])
@@ -358,6 +361,8 @@ def test_an_orbit_of_another_name_is_not_handed_out(form):
     assert vi.find_orbit(form(osc), n_impacts=-1) == []
     assert the_orbit(form(osc), n_periods=2).name == "period-2 sticking"
     assert find_sticking_orbit(osc, longest=1) == []
+    with pytest.raises(ValueError, match="`n_periods` must be .*, got 0"):
+        find_sticking_orbit(osc, n_periods=0)
 
 
 @pytest.mark.parametrize(
