@@ -137,6 +137,10 @@ SHORTER = {
     "one mass, from an impact": (ONCE, lambda known: {"n_impacts": 2, "near": (0.499, 6.2)}),
     "one mass, from a state": (ONCE, lambda known: {"n_impacts": 2, "near": known.start}),
     "its system, from a state": (ONCE.system, lambda known: {"n_impacts": 2, "near": known.start}),
+    "one mass, from times": (
+        ONCE,
+        lambda known: {"stops": ["stop", "stop"], "near": ONCE.period * (known.turns[0] + np.arange(2))},
+    ),
     "chain, from times": (
         chain(),
         lambda known: {"stops": ["bar", "bar"], "near": chain().period * (known.turns[0] + np.arange(2))},
@@ -151,6 +155,15 @@ def test_a_guess_that_leads_to_a_shorter_orbit_is_told(name):
     orbits = vi.find_orbit(model, n_periods=2, **guess(known))
     assert (list(orbits), orbits.outcome) == ([], "other_name")
     assert orbits.message == "converged to a period-1 impact-1 orbit instead of a period-2 impact-2 one"
+
+
+def test_times_of_impacts_are_a_guess_of_one_mass_as_of_its_system(form):
+    model = form(vi.ImpactOscillator(omega=0.95))
+    (orbit,) = vi.find_orbit(model, n_impacts=2, near=None if model.forgets else vi.State(-0.5))
+    times = model.period * np.array(orbit.turns)
+    (again,) = vi.find_orbit(model, stops=["stop", "stop"], near=times + np.array([0.01, -0.01]))
+    assert again.oscillator == model
+    assert again.velocities == pytest.approx(orbit.velocities, rel=1e-12)
 
 
 def test_guesses_that_all_lead_to_a_shorter_orbit_are_told():
@@ -306,6 +319,7 @@ def test_a_wrong_request_is_refused_by_name(name, arguments, named):
         (two_sided(), {"stops": "middle"}, "choose from above, below"),
         (two_sided(), {"stops": ["above", "below"]}, "orbits of several impacts need a guess"),
         (two_sided(), {"stops": ["above", "below"], "near": [0.1]}, "one time for each of the 2 stops"),
+        (OSC, {"stops": ["stop", "stop"], "near": [0.1]}, "one time for each of the 2 stops"),
         (two_sided(), {"stops": ["above", "below"], "near": [0.1, 4.0]}, r"times in order, within 3\.14159 s"),
         (two_sided(stops=[]), {}, "stops to strike"),
     ],

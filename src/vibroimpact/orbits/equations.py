@@ -47,6 +47,7 @@ from numpy.typing import NDArray
 
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.motion import cycle_name
+from vibroimpact.parameters import counted
 
 Floats = NDArray[np.float64]
 Parameters = Sequence[float]  # m, c, k, f, w, r, g
@@ -369,4 +370,4 @@ def _nowhere(osc: ImpactOscillator, slope: Floats, n_periods: int) -> str:
         return RESONANT
     reach = osc.steady_amplitude
     far = f", beyond the steady amplitude {reach:.6g} m" if abs(osc.gap) > reach else ""
-    return f"no velocity > 0 returns to itself after {n_periods} periods: the gap is {osc.gap:.6g} m{far}"
+    return f"no velocity > 0 returns to itself after {counted(n_periods, 'period')}: the gap is {osc.gap:.6g} m{far}"

@@ -45,7 +45,8 @@ class OneMassSearch(Search):
         if symmetric:
             return Orbits(outcome="none", message="not symmetric: one stop has no mirror image")
         osc, cycle = self.design, Cycle(n_periods, n_impacts if stops is None else len(stops))
-        impact = impact_of(osc, guess)
+        times = stops is not None and not guess.none and guess.orbit is None and guess.state is None
+        impact = None if times else impact_of(osc, guess)
         if cycle.n_impacts == -1:
             from vibroimpact.orbits.sticking import find_sticking_orbit, why_none  # slower to import
 
@@ -56,6 +57,8 @@ class OneMassSearch(Search):
             if not solutions:
                 return Orbits(outcome="none", message=why)
             return ordered(make_orbit(self.model, cycle, z) for z in solutions)
+        if times:
+            return self._at_times(cycle, guess)
         orbit = guess.orbit
         if orbit is not None and orbit.oscillator.forgets and (orbit.n_periods, orbit.n_impacts) == astuple(cycle):
             return self._from(cycle, solution_of(orbit)[1])
@@ -95,6 +98,14 @@ class OneMassSearch(Search):
         osc, impact = self.design, impact_of(self.design, guess)
         assert impact is not None  # only where nothing was given
         return State(osc.gap, impact[1], impact[0] % 1.0 * osc.period)
+
+    def _at_times(self, cycle: Cycle, guess: Guess) -> Orbits:
+        """Return the orbit near given times of its impacts, whose velocities the search for systems finds."""
+        from vibroimpact.orbits.systems.search import SystemSearch  # slower to import
+
+        n, p = astuple(cycle)
+        found = SystemSearch(self.design.system).of_type(n, p, (0,) * p, guess)
+        return self._from(cycle, solution_of(found[0])[1]) if found else found
 
     def _from(self, cycle: Cycle, start: Floats) -> Orbits:
         """Return the orbit that Newton's method reaches."""

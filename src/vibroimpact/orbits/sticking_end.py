@@ -202,11 +202,11 @@ def _followed(model: Model, parameter: str, inside: float, outside: float, n_per
         return StickingEnd(model.at(), parameter, outcome="unresolved", message=found.message)
     *_, orbit = resting_orbits(found[0], parameter, outside, STEP * abs(outside - inside))
     value, (outcome, missed) = orbit.value(parameter), ending(orbit)
-    fraction, message = orbit.stuck_time / orbit.oscillator.period, ""
     if value == outside:
-        outcome = "no_change"
         message = f"the {orbit.name} orbit of `{parameter}` = {inside:g} persists up to {outside:g}"
-    elif outcome != KIND:
+        return StickingEnd(model.at(), parameter, outcome="no_change", message=message)
+    fraction, message = orbit.stuck_time / orbit.oscillator.period, ""
+    if outcome != KIND:
         why = "it folds" if outcome == "fold" else "no next orbit is found"
         message = f"the orbit still rests for {fraction:.3g} T at `{parameter}` = {value!r}, where {why}"
         outcome = "lost"

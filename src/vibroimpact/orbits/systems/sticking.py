@@ -82,11 +82,14 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits:
     state = _state(carrier, solved.z, state.time)
     history = _follow(system, state, n_periods)
     first = history.displacements[0]
-    distances = np.abs(history.displacements - first).max(axis=1) / np.abs(first).max()
+    distances = np.abs(history.displacements - first).max(axis=1) / (np.abs(first).max() or 1.0)
     periods = next((n for n in range(1, n_periods + 1) if n_periods % n == 0 and distances[n] <= SAME), 0)
     if not periods:  # Newton's method stagnated away from a fixed point
         return lost(solved, name)
-    if not (history.rests and len(history.times)):
+    if not len(history.times):
+        where = f"stays at {history.rests[0].stop} for ever" if history.rests else "has no impacts"
+        return Orbits(outcome="none", message=f"no {name} orbit found: the motion reached {where}")
+    if not history.rests:
         reached = cycle_name(periods, len(history.times) * periods // n_periods)
         return Orbits(outcome="other_name", message=f"converged to a {reached} orbit, which rests at no stop")
     if periods < n_periods:
