@@ -5,6 +5,8 @@ import numpy as np
 import vibroimpact as vi
 from vibroimpact.backends.reference.stops import CompliantStop, RigidStop
 from vibroimpact.backends.reference.systems import LinearSystem, follow
+from vibroimpact.coexistence import Attractor
+from vibroimpact.orbits import same_orbit
 
 CONTACT = ("impulse", "energy_lost", "peak_force", "contact_time", "penetration")
 
@@ -472,3 +474,11 @@ def a_symmetric_system(rng, n):
     ]
     load = vi.Force(omega=force.omega, harmonics=dict(force.harmonics))
     return vi.ImpactSystem(**system.arguments() | {"force": load, "stops": stops})
+
+
+def mirrored(one, other):
+    """Return whether a cycle of a two-sided oscillator is another one, mirrored and half a period later."""
+    swapped = tuple({"above": "below", "below": "above"}[stop] for stop in other.stops)
+    later = Attractor("periodic", velocities=other.velocities, phases=tuple((p + 0.5) % 1 for p in other.phases))
+    turns = [tuple(np.roll(swapped, shift).tolist()) for shift in range(len(swapped))]
+    return one.stops in turns and same_orbit(one, later, tolerance=1e-9)
