@@ -476,6 +476,21 @@ def a_symmetric_system(rng, n):
     return vi.ImpactSystem(**system.arguments() | {"force": load, "stops": stops})
 
 
+@vi.family
+def pushed(force=1.0):
+    """Return one mass on a spring before a stop without a gap: the force only changes the size of its motions."""
+    return one_mass(vi.ImpactOscillator(omega=2.0, amplitude=force))
+
+
+@vi.family
+def pushed_pair(force=1.0):
+    """Return two masses on springs, the second one before a stop without a gap."""
+    pair = random_pair(4)
+    return system(
+        pair.mass, pair.damping, pair.stiffness, pair.omega, [pair.stops[0].replace(gap=0.0)], {1: [force, 0.0]}
+    )
+
+
 def mirrored(one, other):
     """Return whether a cycle of a two-sided oscillator is another one, mirrored and half a period later."""
     swapped = tuple({"above": "below", "below": "above"}[stop] for stop in other.stops)
