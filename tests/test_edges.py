@@ -8,6 +8,8 @@ import pytest
 
 import vibroimpact as vi
 from designs import random_designs
+from systems import random_pair
+from verdicts import text_of
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence.measuring import Runner, cells_of, orbit_cells, spread_cells
 from vibroimpact.motion import MotionClass
@@ -218,7 +220,7 @@ def test_a_motion_without_impacts_has_an_edge_from_rest_and_one_from_anywhere(qu
 
 
 def test_the_three_edges_are_said_where_they_differ(quiet):
-    text = " ".join(str(quiet).split())
+    text = text_of(quiet)
     assert "1.1543 lasting impacts from some" in text
     assert "1.1628 passing impacts from rest" in text
     assert "3.00007 the motion first touches the" in text
@@ -236,9 +238,7 @@ def test_that_others_hit_already_is_said_with_their_share():
     assert verdict.kind == "no_impact"
     hitting = sum(one.share for one in verdict.attractors if one.max_velocity)
     assert hitting > 0.8
-    assert f"here already {percent(hitting)} of the initial conditions settle to impacts" in " ".join(
-        str(verdict).split()
-    )
+    assert f"here already {percent(hitting)} of the initial conditions settle to impacts" in text_of(verdict)
     assert all(edge.from_some.change == 0.0 for edge in verdict.boundaries)
 
 
@@ -247,8 +247,8 @@ def test_a_bisected_edge_says_how_far_apart_the_values_were():
     for edge in verdict.boundaries:
         assert edge.kind == "change"
         assert 0.0 < edge.spacing < 0.06
-        assert f"in steps of {percent(edge.spacing)}" in " ".join(str(verdict).split())
-    assert "narrower windows of other motions may lie nearer" in " ".join(str(verdict).split())
+        assert f"in steps of {percent(edge.spacing)}" in text_of(verdict)
+    assert "narrower windows of other motions may lie nearer" in text_of(verdict)
 
 
 @pytest.mark.long
@@ -266,6 +266,43 @@ def test_a_resonance_narrower_than_any_step_is_not_stepped_over():
     down, _ = vi.describe(osc, parameters=["omega"]).boundaries
     assert down.kind == "first_contact"
     assert down.value == pytest.approx(math.sqrt(1.001), rel=1e-4)
+
+
+def swept(model, edge):
+    """Return the shares of the way to an edge, and periods and impacts of the cycle that is swept along there."""
+    present, end = model.values[edge.parameter], edge.value if edge.found else edge.searched_to
+    shares = np.concatenate([np.linspace(0.0, 0.8, 25), 1.0 - np.geomspace(0.19, 1e-3, 30), [1.001] * edge.found])
+    values, direction = present + shares * (end - present), "up" if edge.direction > 0 else "down"
+    how = {"indices": ("n_periods", "n_impacts"), "transient_impacts": 3000, "sample_impacts": 200}
+    diagram = vi.bifurcation_diagram(model, direction=direction, **how, **{edge.parameter: np.sort(values)})
+    cycles = zip(diagram["n_periods"].values, diagram["n_impacts"].values, strict=True)
+    return shares, [(int(n), int(p)) for n, p in cycles][:: edge.direction]
+
+
+SWEPT = {
+    "one mass": (vi.ImpactOscillator(omega=2.0), ["omega", "gap"]),
+    "two masses, a grazing": (random_pair(22), ["omega"]),
+    "one mass, two impacts": (vi.ImpactOscillator(omega=0.95), ["omega", "gap", "restitution"]),
+    "two masses, a fold": (random_pair(17), ["omega", "right_gap"]),
+    "two masses, a period doubling": (random_pair(0), ["omega"]),
+    "two masses, a Neimark-Sacker point": (random_pair(18), ["omega"]),
+}
+
+
+@pytest.mark.long(but=2)
+@pytest.mark.parametrize("name", SWEPT)
+def test_a_cycle_that_is_swept_to_its_edge_stays_the_same_and_is_another_just_beyond(name):
+    model, parameters = SWEPT[name]
+    verdict = vi.describe(model, parameters=parameters)
+    here = verdict.motion.n_periods, verdict.motion.n_impacts
+    for edge in verdict.boundaries:
+        shares, cycles = swept(model, edge)
+        inside = [cycle for share, cycle in zip(shares, cycles, strict=True) if share < 0.8]
+        near = [cycle for share, cycle in zip(shares, cycles, strict=True) if 0.8 <= share < 1.0]
+        assert set(inside) == {here}, edge
+        assert set(near) <= {here, (0, 0)}, edge  # it settles ever more slowly
+        if edge.found:
+            assert cycles[-1] != here, edge
 
 
 @pytest.mark.long
