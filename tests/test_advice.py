@@ -198,6 +198,7 @@ def test_advice_that_made_it_worse_from_other_initial_conditions_is_not_given(os
         *((vi.ImpactOscillator(omega=omega), ["omega", "mass", "gap"]) for omega in (2.0, 1.4, 2.8, 0.1)),
         (random_pair(0), ["omega", "right_gap"]),
     ],
+    ids=["one impact", "one impact, slower", "chaos", "sticking", "two masses"],
 )
 def test_advice_that_is_followed_does_what_it_says(model, parameters):
     verdict = vi.describe(model, parameters=parameters)
@@ -286,6 +287,7 @@ def test_preload_and_wider_gaps_are_tried():
         (pushed, "force"),
         (pushed_pair, "force"),
     ],
+    ids=["slow", "chaos", "sticking", "chaos again", "as a system", "two masses"],
 )
 def test_without_a_gap_all_hits_are_proportional_to_the_force(model, force):
     verdict = vi.describe(model, parameters=[force])

@@ -10,7 +10,7 @@ import pytest
 
 import vibroimpact as vi
 from designs import RESTS, TRANSIENTS
-from systems import one_mass, random_pair, two_sided
+from systems import THREE, one_mass, random_pair, two_sided
 from verdicts import line, text_of
 from vibroimpact.verdict import Advice, Comparison, Edge
 
@@ -250,22 +250,43 @@ def test_one_mass_and_the_same_as_a_system_are_told_in_the_same_words():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("model", "arguments", "words"),
     [
-        ({"parameters": ["omga"]}, "did you mean 'omega'"),
-        ({"parameters": ["gap", "gap"]}, "drop the repeated one"),
-        ({"within": 0.0}, "`within` must be above 0 and up to 1000, got 0.0"),
-        ({"within": "far"}, "`within` must be above 0 and up to 1000, got 'far'"),
-        ({"units": {"gpa": "mm"}}, "unknown parameter 'gpa'"),
-        ({"units": {"gap": "s"}}, "`units['gap']` must be a unit that m can be turned into, got 's'"),
-        ({"units": {"gap": 5}}, "`units['gap']` must be a unit that m can be turned into, got 5"),
-        ({"units": {"restitution": "mm"}}, "`units['restitution']` must be 1 or %, got 'mm'"),
-        ({"units": "mm"}, '`units` must be units by parameter, such as {"gap": "mm"}, got \'mm\''),
+        (vi.ImpactOscillator(), {"parameters": ["omga"]}, "did you mean 'omega'"),
+        (vi.ImpactOscillator(), {"parameters": ["gap", "gap"]}, "drop the repeated one"),
+        (vi.ImpactOscillator(), {"within": 0.0}, "`within` must be above 0 and up to 1000, got 0.0"),
+        (vi.ImpactOscillator(), {"within": "far"}, "`within` must be above 0 and up to 1000, got 'far'"),
+        (vi.ImpactOscillator(), {"units": {"gpa": "mm"}}, "unknown parameter 'gpa'"),
+        (
+            vi.ImpactOscillator(),
+            {"units": {"gap": "s"}},
+            "`units['gap']` must be a unit that m can be turned into, got 's'",
+        ),
+        (
+            vi.ImpactOscillator(),
+            {"units": {"gap": 5}},
+            "`units['gap']` must be a unit that m can be turned into, got 5",
+        ),
+        (vi.ImpactOscillator(), {"units": {"restitution": "mm"}}, "`units['restitution']` must be 1 or %, got 'mm'"),
+        (
+            vi.ImpactOscillator(),
+            {"units": "mm"},
+            '`units` must be units by parameter, such as {"gap": "mm"}, got \'mm\'',
+        ),
+        (THREE, {"parameters": ["right_gp"]}, "did you mean 'right_gap'"),
+        (THREE, {"parameters": ["omega", "omega"]}, "drop the repeated one"),
+        (THREE, {"within": 0.0}, "`within` must be above 0 and up to 1000, got 0.0"),
+        (
+            THREE,
+            {"units": {"right_gap": "s"}},
+            "`units['right_gap']` must be a unit that m can be turned into, got 's'",
+        ),
+        (THREE, {"units": {"left_restitution": "mm"}}, "`units['left_restitution']` must be 1 or %, got 'mm'"),
     ],
 )
-def test_a_wrong_request_names_the_argument_and_the_remedy(arguments, words):
+def test_a_wrong_request_names_the_argument_and_the_remedy(model, arguments, words):
     with pytest.raises(ValueError, match=re.escape(words)):
-        vi.describe(vi.ImpactOscillator(), **arguments)
+        vi.describe(model, **arguments)
 
 
 def test_only_an_oscillator_is_described():
