@@ -283,7 +283,7 @@ SWEPT = {
     "one mass": (vi.ImpactOscillator(omega=2.0), ["omega", "gap"]),
     "two masses, a grazing": (random_pair(22), ["omega"]),
     "one mass, two impacts": (vi.ImpactOscillator(omega=0.95), ["omega", "gap", "restitution"]),
-    "two masses, a fold": (random_pair(17), ["omega", "right_gap"]),
+    "two masses, a fold": (random_pair(17), ["omega"]),
     "two masses, a period doubling": (random_pair(0), ["omega"]),
     "two masses, a Neimark-Sacker point": (random_pair(18), ["omega"]),
 }
