@@ -14,7 +14,6 @@ from systems import THREE, TWINS, changed, linear, one_mass, random_pair, two_si
 from verdicts import line, numbers, text_of
 from vibroimpact.backends import get_backend
 from vibroimpact.backends.reference.systems import follow
-from vibroimpact.coexistence.measuring import Runner
 from vibroimpact.indices import INDICES
 
 PERIODIC = {f"two masses, seed {seed}": random_pair(seed) for seed in (0, 2, 6, 10, 17, 18, 19, 22)}
