@@ -10,7 +10,7 @@ import pytest
 import vibroimpact as vi
 from designs import RARE
 from differences import derivative
-from systems import THREE, TWINS, changed, linear, one_mass, random_pair, two_sided
+from systems import THREE, TWINS, changed, linear, one_mass, random_pair, sticking, two_sided
 from verdicts import line, numbers, text_of
 from vibroimpact.backends import get_backend
 from vibroimpact.backends.reference.systems import follow
@@ -199,6 +199,15 @@ def test_every_index_is_that_of_parameter_map(request, name):
     sweep = vi.parameter_map(verdict.oscillator, indices=tuple(INDICES), omega=[verdict.oscillator.omega])
     for index in INDICES:
         assert verdict.indices[index] == float(sweep[index][0])
+
+
+@pytest.mark.parametrize("model", [*list(PERIODIC.values())[:4], sticking()], ids=["0", "2", "6", "10", "it sticks"])
+def test_every_index_of_a_cycle_of_a_system_is_that_of_parameter_map(model):
+    """Over exactly one cycle, that is; a map averages over 5000 impacts, which may end within one."""
+    verdict = vi.describe(model, parameters=[])
+    sweep = vi.parameter_map(model, indices=tuple(INDICES), omega=[model.omega])
+    for index in INDICES:
+        assert verdict.indices[index] == pytest.approx(float(sweep[index][0]), rel=1e-3, abs=1e-9)
 
 
 @pytest.mark.long

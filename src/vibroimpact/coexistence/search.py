@@ -177,7 +177,7 @@ def attractors_by(
 def from_rest(runner: Runner, system: ImpactSystem) -> tuple[Attractor | None, Measured]:
     """Return the attractor that a system at rest settles to, None if it is undecided, and the motion with its indices.
 
-    The indices of a cycle are those of one cycle; an unknown index is NaN.
+    The indices of a cycle are those of one cycle; without a cycle, those of the longest usual window.
     """
     check_taken(system, runner)
     windows = rounds(system, SAMPLING.transient_impacts, SAMPLING.sample_impacts)
@@ -190,6 +190,9 @@ def from_rest(runner: Runner, system: ImpactSystem) -> tuple[Attractor | None, M
         return None, replace(measured, kind=kind.word, n_periods=0, n_impacts=0, indices=indices)
     attractor = reached[0].attractor
     n, p, phases = attractor.n_periods, attractor.n_impacts, np.array(attractor.phases)
+    if measured.motion_class.hits:
+        (again,) = runner.measure(carried(system, attractor.start), windows[-1], names=tuple(INDICES))
+        indices = again.indices
     indices |= {name: float(getattr(attractor, name)) for name in STATISTICS}
     if phases.size:
         rate = len(phases) / n

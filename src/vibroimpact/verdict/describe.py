@@ -38,7 +38,8 @@ class Verdict(Shown):
     oscillator : ImpactOscillator or ImpactSystem
         The oscillator or system at the values of the model.
     kind : str
-        "periodic", "sticking", "chaotic", "undecided", "no_impact", "stuck_forever", "decaying" or "budget".
+        "periodic", "sticking", "chaotic", "quasi_periodic", "undecided", "no_impact", "stuck_forever", "at_rest",
+        "decaying" or "budget".
     motion : Motion
         The motion from rest: its name, and speeds (m/s) and phases of one cycle, beginning with its hardest hit.
     orbit : Orbit or None

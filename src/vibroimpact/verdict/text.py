@@ -109,7 +109,7 @@ def _motion(verdict: Verdict) -> Iterator[str]:
     elif kind == MotionClass.UNDECIDED:
         yield f"from rest undecided: {_why_undecided(verdict)}"
     elif kind in QUIET and not design.forgets:
-        yield f"from rest {motion.name}{_clear_of(verdict)}"
+        yield f"from rest {motion.name}{_clear_of(verdict)}".replace("at rest, at rest at", "at rest at")
     else:
         yield f"from rest {motion.sentence(design.period)}"
     yield from _watched(verdict)
