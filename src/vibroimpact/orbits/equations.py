@@ -342,21 +342,21 @@ def impact_1_orbits(osc: ImpactOscillator, n_periods: int) -> tuple[list[Floats]
     # (sin psi, cos psi) = slope v + shift
     slope = np.asarray(np.linalg.solve(matrix, [r * q, 1.0 + r * dq]), dtype=np.float64)
     shift = np.linalg.solve(matrix, [preload * steady, preload * q])
-    speeds = _roots(float(slope @ slope), float(slope @ shift), float(shift @ shift) - 1.0)
-    speeds = [v for v in speeds if 0.0 < v < BOUNDLESS * osc.velocity_scale]
-    if not speeds:
+    size = math.hypot(*slope)
+    parts = slope @ shift, slope[0] * shift[1] - slope[1] * shift[0]
+    along, across = (float(part) / size if size else math.inf for part in parts)
+    if not abs(across) <= 1.0:
         return [], _nowhere(osc, slope, n_periods)
-    return [np.array([math.atan2(*(slope * v + shift)) / TURN % 1.0, v]) for v in speeds], ""
-
-
-def _roots(a: float, b: float, c: float) -> list[float]:
-    """Return the real roots of a x^2 + 2 b x + c = 0, the larger first, without cancellation."""
-    split = b * b - a * c
-    if split < 0.0 or (a == 0.0 and b == 0.0):
-        return []
-    half = -(b + math.copysign(math.sqrt(split), b))
-    values = {half / a if a else math.inf, c / half if half else 0.0}
-    return sorted(values, reverse=True)
+    # The roots of |slope v + shift| = 1, across being what v does not change, without cancellation.
+    reach = math.copysign(math.sqrt((1.0 - across) * (1.0 + across)), along)
+    low = -(along + reach)
+    roots = {low / size: -reach, (float(shift @ shift) - 1.0) / (low * size) if low else 0.0: reach}
+    orbits = []
+    for v in sorted(roots, reverse=True):
+        if 0.0 < v < BOUNDLESS * osc.velocity_scale:
+            sine, cosine = (slope * roots[v] + np.array([-slope[1], slope[0]]) * across) / size
+            orbits.append(np.array([math.atan2(sine, cosine) / TURN % 1.0, v]))
+    return orbits, "" if orbits else _nowhere(osc, slope, n_periods)
 
 
 def _unforced(osc: ImpactOscillator) -> str:

@@ -140,7 +140,7 @@ def _watched(verdict: Verdict) -> Iterator[str]:
     elif verdict.transient:
         yield f"certain after {verdict.watched} impacts: the first {FIRST} look {verdict.transient}"
     elif verdict.watched > FIRST:
-        yield f"watched over {verdict.watched} impacts"
+        yield f"{'certain after' if verdict.motion.n_periods else 'watched over'} {verdict.watched} impacts"
 
 
 def _beside_the_stop(verdict: Verdict) -> Iterator[str]:
