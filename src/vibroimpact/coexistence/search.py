@@ -177,7 +177,7 @@ def attractors_by(
 def from_rest(runner: Runner, system: ImpactSystem) -> tuple[Attractor | None, Measured]:
     """Return the attractor that a system at rest settles to, None if it is undecided, and the motion with its indices.
 
-    The indices of a cycle are those of one cycle; without a cycle, those of the longest usual window.
+    The indices of a cycle are those of one cycle; without one, of the longest window.
     """
     check_taken(system, runner)
     windows = rounds(system, SAMPLING.transient_impacts, SAMPLING.sample_impacts)
@@ -192,7 +192,7 @@ def from_rest(runner: Runner, system: ImpactSystem) -> tuple[Attractor | None, M
     n, p, phases = attractor.n_periods, attractor.n_impacts, np.array(attractor.phases)
     if measured.motion_class.hits:
         (again,) = runner.measure(carried(system, attractor.start), windows[-1], names=tuple(INDICES))
-        indices = again.indices
+        indices = {name: measured.indices.get(name, value) for name, value in again.indices.items()}
     indices |= {name: float(getattr(attractor, name)) for name in STATISTICS}
     if phases.size:
         rate = len(phases) / n
