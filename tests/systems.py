@@ -355,6 +355,11 @@ def two_sided(omega=2.0, restitution=0.6, gap=0.5, **changes):
     return vi.ImpactSystem(**arguments | changes)
 
 
+def symmetric_orbit(model, stops="above", **how):
+    """Return a stable symmetric orbit that strikes those stops in each half of its period."""
+    return next(orbit for orbit in vi.find_orbit(model, stops=stops, symmetric=True, **how) if orbit.stable)
+
+
 STEEL = vi.ImpactSystem(  # in SI units; swept up from gap 0 it hits until its fold at 0.672389 mm
     mass=2,
     damping=4,

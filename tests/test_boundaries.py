@@ -1,4 +1,4 @@
-"""Fold, period-doubling and grazing curves: identities, closed forms, and how the motion changes across them."""
+"""Curves of bifurcations: identities, closed forms, and how the motion changes across them."""
 
 import math
 
@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from balls import GRAVITY, ball, of_the_ball
 from contents import special_points
 from oracles.one_impact import response, trace, transition
-from vibroimpact.continuation import BifurcationPoint
+from systems import chain, one_mass
+from vibroimpact.orbits import orbit_distance
+
+pytestmark = pytest.mark.usefixtures("modal_engine")
 
 PLANES = {  # the second axis of the paper's maps; omega is the first
     "mass": (0.1, 5.0),
@@ -17,8 +21,14 @@ PLANES = {  # the second axis of the paper's maps; omega is the first
     "amplitude": (0.1, 5.0),
     "restitution": (0.1, 0.99),
 }
+
+
 OMEGA = (0.025, 5.0)
+
+
 IMPACTING = ("fold", "period_doubling", "grazing")
+
+
 OSC = vi.ImpactOscillator()
 
 
@@ -81,6 +91,47 @@ def test_the_curves_pass_through_the_values_known_with_50_digits(values):
         curve = vi.continue_boundary(point, ("omega", "restitution"), ((0.5, 4.0), (0.8, 0.9)), step=0.05)
         at = int(np.argmin(np.abs(curve.values[:, 1] - 0.8) + np.abs(curve.values[:, 0] - w)))
         assert curve.values[at] == pytest.approx((w, 0.8), rel=1e-12)
+
+
+@pytest.mark.long
+def test_boundaries_of_the_ball_are_the_closed_forms():
+    plane = ("amplitude", "restitution"), ((0.01, 0.04), (0.4, 0.9))
+    found = vi.boundary_curves(ball, *plane, n_periods=(1,), lines=2, step=0.1)
+    assert {curve.kind for curve in found} == {"fold", "period_doubling"}
+    for curve in found:
+        for orbit, residual in zip(curve.orbits, curve.residuals, strict=True):
+            fold, doubling = of_the_ball(orbit.value("restitution"), 1)
+            gamma = orbit.value("amplitude") * ball().omega ** 2 / GRAVITY
+            assert gamma == pytest.approx(fold if curve.kind == "fold" else doubling, rel=1e-12)
+            assert residual < 1e-12
+
+
+def test_one_mass_as_a_system_has_the_boundaries_of_the_oscillator():
+    osc = vi.ImpactOscillator(omega=2.6)
+    (point,) = special_points(
+        vi.continue_orbit(vi.find_orbit(one_mass(osc))[0], "omega", (2.5, 2.7), step=0.1), "period_doubling"
+    )
+    curve = vi.continue_boundary(point, ("omega", "stop_1_restitution"), ((2.4, 2.9), (0.6, 0.95)), step=0.1)
+    for orbit in curve.orbits:
+        at = osc.replace(omega=orbit.value("omega"), restitution=orbit.value("stop_1_restitution"))
+        known = min(vi.find_orbit(at), key=lambda other: orbit_distance(other, orbit))
+        assert 1 + known.trace + known.determinant == pytest.approx(0, abs=1e-10)
+
+
+@pytest.mark.long(but=1)
+@pytest.mark.parametrize("kind", ["neimark_sacker", "grazing"])
+def test_a_boundary_of_three_masses_keeps_its_condition(kind):
+    branch = vi.continue_orbit(vi.find_orbit(chain())[0], "bar_gap", (0.1, 0.87), step=0.1)
+    curve = vi.continue_boundary(
+        special_points(branch, kind)[0], ("bar_gap", "bar_restitution"), ((0.1, 0.9), (0.5, 0.9)), step=0.1
+    )
+    assert curve.outcome == ("range", "range")
+    assert max(curve.residuals) < 1e-10
+    if kind == "neimark_sacker":
+        for orbit in curve.orbits:
+            assert min(abs(abs(value) - 1) for value in orbit.multipliers if value.imag) < 1e-9
+    else:
+        assert np.isfinite(curve.touch_phases).all()
 
 
 def test_without_a_gap_the_force_only_scales_the_motion_so_no_curve_bends(curves):
@@ -200,155 +251,3 @@ def sampled_sides(curve, names, share):
 def motion(osc, orbit):
     start = vi.State(osc.gap, orbit.velocities[0] * (1 + 1e-4), orbit.phases[0] * osc.period)
     return vi.recognise(vi.impact_section(osc, start=start, transient_impacts=6000, sample_impacts=300)).name
-
-
-def test_the_dataset_of_a_boundary_is_labelled(curves):
-    curve = curves("restitution")[0]
-    data = curve.dataset
-    assert data["omega"].attrs["units"] == "rad/s"
-    assert data["restitution"].dims == ("point",)
-    assert float(data["residual"].max()) < 1e-10
-
-
-@pytest.fixture(scope="module")
-def doubling():
-    (point,) = vi.continue_orbit(vi.find_orbit(OSC.replace(omega=2.6))[0], "omega", (2.5, 2.7), step=0.1).special
-    return point
-
-
-def test_a_boundary_may_leave_the_motions_of_the_mass_and_says_so(doubling):
-    plane, box = ("omega", "gap"), ((1.5, 4.0), (-1.0, 1.0))
-    whole, real = (vi.continue_boundary(doubling, plane, box, step=0.03, virtual=virtual) for virtual in (True, False))
-    assert len(real.orbits) < len(whole.orbits)
-    assert "inadmissible" in real.outcome
-    assert "inadmissible" in real.message
-    assert not all(orbit.admissible for orbit in whole.orbits)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        ((("omega",), ((1, 3),)), "`parameters` must be two names"),
-        ((("omega", "omega"), ((1, 3), (1, 3))), "two different parameters"),
-        ((("omega", "frequency"), ((1, 3), (0.1, 3))), "two different parameters"),
-        ((("omega", "mas"), ((1, 3), (0.1, 3))), "unknown parameter 'mas'"),
-        ((("omega", "mass"), ((1, 2), (0.1, 3))), "`range` must be .* contains"),
-        ((("omega", "mass"), ((1, 3),)), "`ranges` must be two pairs"),
-    ],
-)
-def test_a_wrong_plane_is_refused_by_name(doubling, arguments, named):
-    with pytest.raises(ValueError, match=named):
-        vi.continue_boundary(doubling, *arguments)
-
-
-def test_a_point_that_is_no_boundary_is_refused():
-    (orbit,) = vi.find_orbit(vi.ImpactOscillator(omega=2.6))
-    for kind in ("fold", "period_doubling", "grazing"):
-        with pytest.raises(ValueError, match="`point` does not satisfy the condition"):
-            vi.continue_boundary(BifurcationPoint(kind, "omega", 2.6, orbit), ("omega", "mass"), ((2, 3), (0.5, 2)))
-    with pytest.raises(ValueError, match="`point` must be a BifurcationPoint, got 3"):
-        vi.continue_boundary(3, ("omega", "mass"), ((2, 3), (0.5, 2)))
-
-
-@pytest.mark.long
-def test_an_end_of_sticking_is_a_boundary_like_the_others(tmp_path):
-    ranges = (0.3, 0.5), (0.6, 0.85)  # a second tongue lies above
-    (curve,) = vi.boundary_curves(
-        OSC, ("omega", "restitution"), ranges, n_periods=[1], kinds=["end_of_sticking"], lines=2, step=0.04
-    )
-    assert max(curve.residuals) < 1e-10
-    assert {orbit.name for orbit in curve.orbits if orbit.velocities} == {"period-1 sticking"}
-    point = vi.end_of_sticking(OSC, "omega", (0.3, 0.4))
-    alone = vi.continue_boundary(point, ("omega", "restitution"), ranges)
-    # One and the same curve, sampled at other points.
-    low, high = (np.array(sorted(map(tuple, c.values[:, ::-1]))) for c in (curve, alone))
-    np.testing.assert_allclose(np.interp(high[:, 0], *low.T), high[:, 1], atol=2e-3)
-    for path in (tmp_path / "curve.zarr", tmp_path / "curve.nc"):
-        assert vi.load(vi.save(curve.dataset, path)).equals(curve.dataset)
-
-
-# Families: any parameter of a model
-
-
-@vi.family
-def identity(mass=1.0, damping=0.01, omega=2.6, restitution=0.8, gap=0.0):
-    return vi.ImpactOscillator(mass=mass, damping=damping, omega=omega, restitution=restitution, gap=gap)
-
-
-@vi.family(units={"rpm": "1/min", "clearance_mm": "mm"})
-def shaker(unbalance=0.002, rpm=1500.0, clearance_mm=0.5):
-    """Tied parameters: the force of an unbalance grows with the square of the speed."""
-    omega = rpm * 2 * np.pi / 60
-    return vi.ImpactOscillator(
-        mass=2.0,
-        stiffness=45000.0,
-        damping_ratio=0.05,
-        amplitude=unbalance * omega**2,
-        omega=omega,
-        gap=clearance_mm / 1e3,
-        restitution=0.7,
-    )
-
-
-def test_an_identity_family_has_the_oscillators_own_curves():
-    # Beyond restitution 1 the family refuses its values; the oscillator's equations go on. Both end at the edge.
-    plane = ("omega", "restitution"), ((2.2, 3.0), (0.6, 1.0))
-    more = {"n_periods": (1,), "kinds": ("period_doubling", "end_of_sticking"), "lines": 2, "step": 0.05}
-    plain, tied = (vi.boundary_curves(model, *plane, **more) for model in (vi.ImpactOscillator(), identity))
-    assert [(c.kind, c.outcome) for c in plain] == [(c.kind, c.outcome) for c in tied]
-    for one, other in zip(plain, tied, strict=True):
-        np.testing.assert_allclose(one.values, other.values, rtol=1e-12)
-        assert [orbit.oscillator for orbit in other.orbits] == [orbit.model.at() for orbit in other.orbits]
-
-
-def test_ends_of_sticking_are_followed_along_a_familys_parameters():
-    ends = [vi.end_of_sticking(model, "omega", (0.3, 0.4)) for model in (vi.ImpactOscillator(), identity)]
-    assert ends[0].value == ends[1].value
-    plain, tied = (vi.continue_boundary(end, ("omega", "mass"), ((0.3, 0.4), (0.8, 1.2))) for end in ends)
-    np.testing.assert_array_equal(plain.values, tied.values)
-
-
-def test_boundaries_in_a_familys_own_units_hold_for_the_oscillators_that_it_makes():
-    curves = vi.boundary_curves(
-        shaker, ("rpm", "clearance_mm"), ((1200.0, 1800.0), (0.1, 0.9)), n_periods=(1,), lines=2, step=0.1
-    )
-    assert {curve.kind for curve in curves} >= {"period_doubling", "grazing"}
-    for curve in curves:
-        assert max(curve.residuals) < 1e-10
-        for (rpm, clearance), orbit in zip(curve.values, curve.orbits, strict=True):
-            assert orbit.oscillator == shaker.at(rpm=rpm, clearance_mm=clearance)
-            if curve.kind == "period_doubling":
-                orbits = vi.find_orbit(orbit.oscillator)
-                assert min(abs(1 + o.trace + o.determinant) for o in orbits) < 1e-9
-        assert curve.dataset["rpm"].attrs["units"] == "1/min"
-        assert '"family": "shaker"' in curve.dataset.attrs["model"]
-
-
-def test_a_branch_along_a_familys_parameter_meets_the_same_bifurcation_as_the_tied_oscillators():
-    tight = shaker.replace(clearance_mm=0.1)
-    (orbit,) = vi.find_orbit(tight)
-    branch = vi.continue_orbit(orbit, "rpm", (1450.0, 1600.0), step=0.05)
-    (point,) = special_points(branch, "period_doubling")
-    assert point.orbit.value("rpm") == point.value
-    assert branch.outcome == ("range", "range")
-    sides = [vi.find_orbit(tight.at(rpm=point.value + change))[0].stable for change in (-1e-6, 1e-6)]
-    assert sorted(sides) == [False, True]
-    doubled = vi.switch_branch(point)
-    assert (doubled.name, doubled.model.values["clearance_mm"]) == ("period-2 impact-2", 0.1)
-    with pytest.raises(ValueError, match="unknown parameter 'omega'; choose from unbalance, rpm, clearance_mm"):
-        vi.continue_orbit(orbit, "omega", (1.0, 2.0))
-
-
-def test_a_branch_ends_where_a_family_makes_no_oscillator_any_more():
-    @vi.family
-    def clamp(squeeze=0.2, omega=2.0):
-        return vi.ImpactOscillator(omega=omega, restitution=1.0 - squeeze)
-
-    (orbit,) = vi.find_orbit(clamp)
-    branch = vi.continue_orbit(orbit, "squeeze", (0.1, 1.5), step=0.05)
-    assert branch.outcome == ("range", "lost")
-    assert branch.values[-1] == pytest.approx(1.0, abs=1e-3)
-    with pytest.raises(
-        ValueError, match=r"clamp fails at squeeze=1.0.*, omega=2: `restitution` must be between 0 and 1"
-    ):
-        vi.boundary_curves(clamp, ("squeeze", "omega"), ((0.1, 1.5), (2.0, 3.0)), n_periods=(1,), lines=2)

@@ -1,0 +1,201 @@
+"""What is born where a branch folds, doubles, grazes or turns quasi-periodic, and what the engine does beside it."""
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from contents import special_points
+from systems import chain, impact_damper, one_mass, symmetric_orbit
+from vibroimpact.continuation import follow_all
+from vibroimpact.orbits import orbit_distance
+
+pytestmark = pytest.mark.usefixtures("modal_engine")
+
+FORMS = {"one mass": lambda osc: osc, "one mass as a system": one_mass}
+
+
+@pytest.fixture(scope="module", params=FORMS)
+def form(request):
+    """Return what makes a model of an oscillator."""
+    return FORMS[request.param]
+
+
+def first(omega=2.0, n_impacts=1, form=FORMS["one mass"], **changes):
+    return vi.find_orbit(form(vi.ImpactOscillator(omega=omega, **changes)), n_impacts=n_impacts)[0]
+
+
+def values_of(branch, kind):
+    return [point.value for point in special_points(branch, kind)]
+
+
+@pytest.fixture(scope="module")
+def doubled(form):
+    branch = vi.continue_orbit(first(2.6, form=form), "omega", (2.5, 2.7), step=0.1)
+    return vi.continue_orbit(vi.switch_branch(branch.special[-1]), "omega", (2.5, 3.3), step=0.03, virtual=False)
+
+
+def name_of(orbit, model=None, nudge=1e-4):
+    """Return what the engine calls the motion that begins beside an orbit, maybe of another model."""
+    model, begun = model or orbit.model, orbit.start
+    start = vi.State(begun.displacement, np.multiply(begun.velocity, 1 + nudge), orbit.phases[0] * model.period)
+    return vi.recognise(vi.impact_section(model, start=start, transient_impacts=4000, sample_impacts=400)).name
+
+
+# Doublings
+
+
+def test_the_doubled_orbit_is_what_the_engine_settles_on(doubled):
+    for omega in (2.66, 2.69):
+        near = min(doubled.orbits, key=lambda orbit: abs(orbit.value("omega") - omega))
+        there = near.model.replace(omega=omega)
+        (orbit,) = vi.find_orbit(there, n_periods=2, n_impacts=2, near=near)
+        hits = vi.impact_section(there, transient_impacts=8000, sample_impacts=2)
+        assert sorted(hits["velocity"].values) == pytest.approx(sorted(orbit.velocities), rel=1e-10)
+        assert orbit.stable
+
+
+def test_the_doubled_branch_ends_where_it_was_born(values, doubled):
+    born = float(values["period_doubling_w_of_n=1"][1]["w"])
+    assert doubled.outcome[0] == "period_doubling"
+    assert doubled.special[0].value == pytest.approx(born, rel=1e-13)
+    assert doubled.special[0].orbit.name == "period-1 impact-1"
+    assert doubled.values.min() == pytest.approx(born, abs=2e-3)
+    assert max(point.residual for point in doubled.special) < 1e-12
+
+
+def test_the_doubled_orbit_doubles_again_and_the_engine_agrees(doubled):
+    second = values_of(doubled, "period_doubling")[1]
+    point = next(point for point in doubled.special if point.value == second)
+    assert name_of(point.orbit, point.orbit.model.replace(omega=second - 2e-3)) == "period-2 impact-2"
+    assert name_of(point.orbit, point.orbit.model.replace(omega=second + 2e-3)) == "period-4 impact-4"
+    again = vi.switch_branch(point)
+    assert again.name == "period-4 impact-4"
+    assert again.determinant == pytest.approx(point.orbit.determinant**2, rel=1e-3)
+
+
+def test_near_a_doubling_the_square_of_the_split_grows_with_the_parameter(form):
+    """A pitchfork: half the split squared, the parameter is a quarter as far."""
+    (point,) = vi.continue_orbit(first(2.6, form=form), "omega", (2.55, 2.7), step=0.1).special
+    far, near = (abs(vi.switch_branch(point, amplitude=a).value("omega") - point.value) for a in (2e-3, 1e-3))
+    assert far / near == pytest.approx(4.0, rel=1e-2)
+
+
+def specials(branch):
+    return sorted((point.kind, point.value) for point in branch.special)
+
+
+def test_doubled_orbits_are_those_of_the_oscillator():
+    osc = vi.ImpactOscillator(omega=2.6)
+    branches = [follow_all(vi.find_orbit(model), "omega", (2.5, 2.8), step=0.05) for model in (osc, one_mass(osc))]
+    for ours, theirs in zip(*branches, strict=True):
+        assert ours.outcome == theirs.outcome
+        assert [kind for kind, _ in specials(ours)] == [kind for kind, _ in specials(theirs)]
+        assert [at for _, at in specials(ours)] == pytest.approx([at for _, at in specials(theirs)], rel=1e-10)
+
+
+# Folds
+
+
+@pytest.mark.parametrize("omega", [1.1, 2.0, 3.0])
+def test_without_a_gap_no_branch_folds(form, omega):
+    orbit = first(omega, form=form)
+    restitution = next(name for name in orbit.model.values if name.endswith("restitution"))
+    ranges = {"omega": (omega - 0.05, omega + 0.5), restitution: (0.1, 1.0), "damping": (0, 1)}
+    for parameter, ends in ranges.items():
+        if parameter in orbit.model.values:
+            branch = vi.continue_orbit(orbit, parameter, ends, step=0.1)
+            assert not values_of(branch, "fold")
+            assert branch.outcome == ("range", "range")
+            assert (np.diff(branch.values) > 0).all()
+
+
+def test_a_branch_with_a_gap_turns_at_its_fold_where_the_two_roots_meet(form):
+    """The closed form's roots are one where g^2 = R^2 (1 + (alpha w / beta)^2)."""
+    model = form(vi.ImpactOscillator(omega=1.2, gap=3.0))
+    hit, grazed = vi.find_orbit(model)
+    branch = vi.continue_orbit(hit, "omega", (1.0, 2.0), step=0.02)
+    (fold,) = values_of(branch, "fold")
+    assert len(vi.find_orbit(model.replace(omega=fold - 1e-9))) == 2
+    assert len(vi.find_orbit(model.replace(omega=fold + 1e-9))) == 0
+    assert max(branch.values) == pytest.approx(fold, rel=1e-14)
+    at = int(np.argmin([abs(orbit.velocities[0] - grazed.velocities[0]) for orbit in branch.orbits]))
+    assert branch.values[at] == pytest.approx(1.2, abs=0.05)
+    (point,) = special_points(branch, "fold")
+    assert point.orbit.trace == pytest.approx(1 + point.orbit.determinant, rel=1e-12)
+
+
+def test_three_impacts_fold_even_without_a_gap():
+    """That no branch folds without a gap is a law of one impact only."""
+    branch = vi.continue_orbit(first(0.6, n_impacts=3), "omega", (0.55, 0.75), step=0.03, virtual=False)
+    (point,) = special_points(branch, "fold")
+    assert point.orbit.admissible
+    assert max(branch.values) == point.value
+    beside = point.orbit.model.replace(omega=point.value - 1e-5)
+    pair = vi.find_orbit(beside, n_impacts=3)
+    assert [orbit.stable for orbit in pair] in ([True, False], [False, False])
+    assert (1 - pair[0].trace + pair[0].determinant) * (1 - pair[1].trace + pair[1].determinant) < 0
+
+
+# Grazes
+
+
+def test_one_impact_is_born_with_velocity_zero_where_the_free_motion_grazes(form):
+    """The unstable orbit ends where the gap is the steady amplitude."""
+    orbit = vi.find_orbit(form(vi.ImpactOscillator(omega=1.2, gap=3.0)))[1]
+    gap = next(name for name in orbit.model.values if name.endswith("gap"))
+    branch = vi.continue_orbit(orbit, gap, (1.0, 4.0), step=0.02)
+    grazes = special_points(branch, "grazing")
+    assert grazes[0].value == pytest.approx(vi.ImpactOscillator(omega=1.2).steady_amplitude, rel=1e-13)
+    assert grazes[0].orbit.velocities[0] == pytest.approx(0, abs=1e-12)
+
+
+def test_two_impacts_a_period_live_between_their_bifurcations(form):
+    branch = vi.continue_orbit(first(0.95, n_impacts=2, form=form), "omega", (0.8, 1.1), step=0.02, virtual=False)
+    stable = [orbit for orbit in branch.orbits if orbit.stable and orbit.admissible]
+    for orbit in stable[:: max(1, len(stable) // 6)]:
+        if min(abs(orbit.value("omega") - point.value) for point in branch.special) > 2e-3:
+            assert name_of(orbit) == "period-1 impact-2"
+    for point in branch.special:
+        assert point.residual < 1e-12
+        inside, outside = (
+            name_of(point.orbit, point.orbit.model.replace(omega=point.value + side)) for side in (-2e-3, 2e-3)
+        )
+        assert inside != outside
+
+
+def test_where_one_impact_begins_to_graze_a_second_impact_is_born(form, values):
+    """At the graze the orbits with one and with two impacts a period are one, an impact without velocity."""
+    branch = vi.continue_orbit(first(0.95, n_impacts=2, form=form), "omega", (0.8, 1.1), step=0.05, virtual=False)
+    (graze,) = special_points(branch, "grazing")
+    known = values["grazing_w_of_n=1"][0]
+    assert graze.value == pytest.approx(float(known["w"]), abs=1e-12)
+    assert sorted(graze.orbit.velocities) == pytest.approx([0.0, float(known["v"])], abs=1e-11)
+
+
+# Quasi-periodic motions
+
+
+@pytest.mark.parametrize(
+    ("system", "orbit", "parameter", "span"),
+    [
+        (chain(), vi.find_orbit(chain())[0], "bar_gap", (0.5, 0.87)),
+        (impact_damper(), symmetric_orbit(impact_damper()), "omega", (1.0, 1.12)),
+    ],
+)
+def test_a_motion_settles_before_a_neimark_sacker_point_and_not_beyond(system, orbit, parameter, span):
+    (point,) = special_points(vi.continue_orbit(orbit, parameter, span, step=0.1), "neimark_sacker")
+    assert [abs(value) for value in point.orbit.multipliers[:2]] == pytest.approx([1, 1], abs=1e-10)
+    assert point.orbit.multipliers[0].imag > 0.1
+    for beyond in (False, True):
+        there = system.replace(**{parameter: point.value * (1.001 if beyond else 0.999)})
+        how = {"symmetric": True, "stops": "above"} if orbit.symmetric else {}
+        nearest = min(vi.find_orbit(there, **how), key=lambda other: orbit_distance(other, point.orbit))
+        assert nearest.stable is not beyond
+        beside = vi.State(
+            *(0.999 * np.array(part) for part in (nearest.start.displacement, nearest.start.velocity)),
+            nearest.start.time,
+        )
+        hits = vi.impact_section(there, start=beside, transient_impacts=20000, sample_impacts=200).velocity.values
+        assert (np.ptp(hits) > 0.01 * hits.max()) is np.bool_(beyond)
+        if not beyond:
+            assert hits == pytest.approx(nearest.velocities[0], rel=1e-10)
