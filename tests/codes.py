@@ -87,14 +87,14 @@ def differences(code, model, x, begin, turns, step=2e-5):
 
 
 class Way:
-    """An oscillator by the engine of one mass, as a system by that of systems, or by the back end `reference`."""
+    """A model by the engine as it comes, one mass as a system by that of systems, or by the back end `reference`."""
 
     def __init__(self, name):
         self.name, self.backend = name, "reference" if name == "witness" else "cpu"
         self.slow, self.as_system = name == "witness", name == "engine of systems"
 
     def _asked(self, function, osc, how):
-        return function(one_mass(osc) if self.as_system else osc, backend=self.backend, **how)
+        return function(one_mass(osc) if self.as_system and osc.forgets else osc, backend=self.backend, **how)
 
     def section(self, osc, transient=0, sample=20, **how):
         """Return impacts and rests; `transient` impacts are left out."""
@@ -103,7 +103,7 @@ class Way:
     def simulate(self, osc, **how):
         """Return the motion over time."""
         samples = self._asked(vi.simulate, osc, how)
-        return samples.isel(coordinate=0) if self.as_system else samples
+        return samples.isel(coordinate=0) if self.as_system and osc.forgets else samples
 
     def indices(self, osc, names=tuple(INDICES), transient=100, sample=5000, **how):
         """Return indices of the window of impacts, as plain numbers by their names, with the status."""

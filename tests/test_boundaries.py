@@ -21,14 +21,8 @@ PLANES = {  # the second axis of the paper's maps; omega is the first
     "amplitude": (0.1, 5.0),
     "restitution": (0.1, 0.99),
 }
-
-
 OMEGA = (0.025, 5.0)
-
-
 IMPACTING = ("fold", "period_doubling", "grazing")
-
-
 OSC = vi.ImpactOscillator()
 
 
