@@ -6,13 +6,17 @@ import pytest
 from numba import njit
 from scipy.linalg import expm
 
-import vibroimpact as vi
-from designs import random_oscillator
+from leaping import PARTS, Leaping, remade
+from systems import a_random_system
 from vibroimpact.kernels.advance import FLIGHT, IMPACT, _step
 from vibroimpact.kernels.cell import Cell, prepare
 from vibroimpact.kernels.flight import flow
 from vibroimpact.kernels.leaps import FAR, LONG, SHORT, leap, stays_clear
 from vibroimpact.kernels.state import Motion
+from vibroimpact.kernels.systems.layout import OPEN, STRUCK
+from vibroimpact.kernels.systems.leap import HALF, WHOLE
+
+# One mass
 
 POINTS = 200
 REGIMES = {"light": (1e-4, 0.1), "heavy": (0.3, 1.5), "overdamped": (1.5, 50.0)}  # damping ratios
@@ -163,22 +167,102 @@ def test_neighbours_are_carried_over_leaps_exactly(regime, x):
         )
 
 
+# Systems
+
+LENGTHS = HALF, WHOLE
+
+
+def proportional(rng, n):
+    """Return a random system whose damping is a part of its stiffness; its modes decouple."""
+    model = a_random_system(rng, n)
+    return remade(model, damping=0.1 * model.stiffness)
+
+
+def stiff(rng, n):
+    """Return a random system with a mode some 30 times faster than the others, and a damper that couples it."""
+    model, push = a_random_system(rng, n), rng.standard_normal(n)
+    hard = model.stiffness + 1000.0 * np.outer(push, push)
+    return remade(model, stiffness=hard, damping=np.outer(push, push) + 0.05 * np.eye(n))
+
+
+def rolling(rng, n):
+    """Return a random system that drifts as a whole, with a dashpot between some of its coordinates."""
+    apart = np.eye(n) - 1.0 / n
+    model, between = a_random_system(rng, n), rng.standard_normal(n) @ apart
+    return remade(model, stiffness=apart @ model.stiffness @ apart, damping=np.outer(between, between))
+
+
+def overdamped(rng, n):
+    """Return a random system of which some modes creep back."""
+    spread = rng.standard_normal((n, n))
+    return a_random_system(rng, n, damping=2.0 * spread @ spread.T)
+
+
+KINDS = {"general": a_random_system} | {made.__name__: made for made in (proportional, stiff, rolling, overdamped)}
+
+
+def motions(kind, seed, number=30):
+    """Yield a generator, random systems of a kind, states and phases."""
+    rng = np.random.default_rng(seed)
+    for _ in range(number):
+        one = Leaping(KINDS[kind](rng, int(rng.integers(1, 5))))
+        for _ in range(20):
+            yield rng, one, *one.state(rng)
+
+
 @pytest.mark.long
-def test_near_misses_that_leaps_pass_are_the_witness_s():
-    rng, compared = np.random.default_rng(3), 0
-    window = {"transient_impacts": 3, "sample_impacts": 12, "early_closing": False}
-    names = ["grazing_margin", "mean_velocity", "n_periods"]
-    for _ in range(200):
-        osc = random_oscillator(rng, (-3, -1), omega=(3, 9), restitution=(0.5, 0.95), gap=(-0.3, 0.3))
-        ours, theirs = (
-            vi.parameter_map(osc, omega=[osc.omega], indices=names, backend=name, **window).isel(omega=0)
-            for name in ("cpu", "reference")
-        )
-        margin = float(theirs["grazing_margin"])
-        # Nor cycles, of which the witness looks at other flights, nor motions that have parted by rounding.
-        undecided = theirs["n_periods"] == ours["n_periods"] == 0
-        same = abs(ours["mean_velocity"] - theirs["mean_velocity"]) < 1e-9 * theirs["mean_velocity"]
-        if np.isfinite(margin) and undecided and same:
-            compared += 1
-            assert float(ours["grazing_margin"]) == pytest.approx(margin, abs=1e-4)
-    assert compared > 80
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("length", LENGTHS)
+def test_no_leap_is_made_over_a_stop_that_is_touched_and_others_end_where_they_should(kind, length):
+    count = 0
+    for rng, one, state, angle in motions(kind, 1):
+        states, without = one.course(state, length)
+        lowest, depth = -without.min(axis=0), np.ptp(without, axis=0)
+        over = 10.0 ** rng.uniform(-12, 1, size=one.k.stops) * depth + one.rounding * np.abs(states).max()
+        opened, touched = np.full(one.k.stops, OPEN), np.arange(one.k.stops) == rng.integers(one.k.stops)
+        assert not one.leap(state, angle, np.where(touched, lowest - over, lowest + over), opened, length)[0]
+        leapt, after = one.leap(state, angle, lowest + over, opened, length)
+        if leapt:
+            np.testing.assert_allclose(
+                after, states[-1][: len(after)], rtol=0, atol=one.rounding * np.abs(states).max()
+            )
+        count += leapt
+    assert count > 200  # of 600
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("length", LENGTHS)
+def test_no_leap_is_made_from_an_impact_to_the_next(kind, length):
+    """The speed after the impact is that with which the same stop is just touched, or missed, later on."""
+    count = 0
+    for rng, one, state, angle in motions(kind, 2):
+        n, z, far = one.k.modes, int(rng.integers(one.k.stops)), int(rng.integers(1, PARTS))
+        kick = 0.0 * state
+        kick[n : 2 * n] = np.linalg.solve(one.mass, one.seen[z, :n])
+        (_, a), (_, b) = one.course(state, length), one.course(kick, length)
+        gained, needed = b[far:, z], a[0, z] - a[far:, z]
+        least = np.max(needed[gained > 0.0] / gained[gained > 0.0], initial=0.0)
+        for off in 10.0 ** rng.uniform(-12, 2) * np.array([-1.0, 1.0]) * abs(least):
+            without = a + (least + off) * b
+            kinds, gaps = np.full(one.k.stops, OPEN), 2.0 * np.abs(without).max(axis=0)
+            kinds[z], gaps[z] = STRUCK, -a[0, z]
+            leapt, _ = one.leap(state + (least + off) * kick, angle, gaps, kinds, length)
+            count += leapt
+            assert not leapt or (without[1:, z] > a[0, z] - one.rounding * np.abs(without).max()).all()
+    assert count > 10
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_neighbour_leaps_as_the_motion_without_load_does(kind):
+    for rng, one, state, angle in motions(kind, 3, 10):
+        deviation = 0.0 * state
+        deviation[: 2 * one.k.modes] = rng.standard_normal(2 * one.k.modes)
+        (after, _), size = one.course(deviation, WHOLE), np.abs(state).max()
+        gaps, opened = np.full(one.k.stops, 1e6 * size), np.full(one.k.stops, OPEN)
+        leapt, beside = one.leap(state, angle, gaps, opened, WHOLE, deviation)
+        if leapt:
+            np.testing.assert_allclose(
+                beside, after[-1][: len(beside)], rtol=0, atol=one.rounding * np.abs(after).max()
+            )

@@ -1,6 +1,7 @@
-"""The engine against the independent witness, on 2,000 random oscillators."""
+"""The engine against the independent witness: impacts, samples and indices of random oscillators and systems."""
 
 import math
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -10,7 +11,11 @@ from scipy.linalg import expm
 
 import vibroimpact as vi
 from cells import make_cells
-from vibroimpact.backends import ImpactWindow, Measurement, get_backend
+from designs import random_oscillator
+from systems import a_random_machine, free_masses, sticking, system
+from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, get_backend
+from vibroimpact.indices import FORCES, INDICES
+from vibroimpact.model.elements import Contact
 
 EXAMPLES, SHARES, IMPACTS = 2000, 8, 20
 BASE = 1e-13  # of the velocity scale, and of the fastest time scale, before any growth
@@ -144,3 +149,108 @@ def test_the_mass_is_never_beyond_the_stop_by_more_than_rounding(backend, exampl
         assert float(orbit["displacement"].max()) <= osc.gap + 4e-16 * max(reach, abs(osc.gap))
 
     stays_in_front()
+
+
+# As a back end
+
+
+def machine(seed):
+    """Return a chain of masses between rigid or compliant stops, some of which move."""
+    return a_random_machine(np.random.default_rng([5, seed]))
+
+
+def one_mass(seed):
+    """Return a random oscillator."""
+    return random_oscillator(np.random.default_rng([5, seed]))
+
+
+def both(method, model, measurement):
+    """Return what the engine and the witness say of a model's motion from rest."""
+    cells = model.cells({})
+    return [getattr(get_backend(name), method)(cells, measurement) for name in ("cpu", "reference")]
+
+
+@pytest.mark.parametrize("window", [ImpactWindow(2, 8), StroboscopicWindow(1, 8, 0.25, 2)], ids=["impacts", "times"])
+@pytest.mark.parametrize(
+    ("make", "seed"),
+    [
+        *((machine, seed) for seed in range(10)),
+        *((free_masses, seed) for seed in range(6)),
+        *((one_mass, seed) for seed in range(6)),
+    ],
+)
+def test_both_codes_sample_random_models_alike(make, seed, window):
+    (ours,), (theirs,) = both("samples", make(seed), Measurement(window))
+    assert vi.Status(ours.status) == vi.Status(theirs.status)
+    names = [each.name for each in fields(ours) if each.name.startswith(("impact", "look", "rest"))]
+    for name in (*names, *Contact._fields):
+        parts = [getattr(code if name in names else code.contacts, name) for code in (ours, theirs)]
+        mine, its = (np.asarray(part, float) for part in parts)
+        assert mine.shape == its.shape or name not in names, name  # of a contact one number may stand for all
+        size = np.abs(mine[np.isfinite(mine)]).max(initial=1e-3)
+        np.testing.assert_allclose(mine, its, rtol=0.0, atol=1e-9 * size, err_msg=name)
+
+
+@pytest.mark.parametrize("by_stop", [False, True])
+@pytest.mark.parametrize(
+    ("make", "seed"), [*((machine, seed) for seed in (0, 3, 9, 11, 15, 20)), *((one_mass, seed) for seed in range(6))]
+)
+def test_both_codes_sum_up_impacts_and_forces_of_chaos_alike(make, seed, by_stop):
+    """Over few impacts, before chaos parts two codes; exponents and times at rest need longer windows."""
+    names = {*INDICES, *FORCES} - {"lyapunov", "lyapunov_per_impact", "stick_fraction"}
+    ours, theirs = both("indices", make(seed), Measurement(ImpactWindow(3, 10), indices=(*names,), by_stop=by_stop))
+    for name in (*names, "status"):
+        near = 1e-6 if make is one_mass and name == "grazing_margin" else 1e-9  # of a leap of one mass it is estimated
+        np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-7, atol=near, err_msg=name)
+
+
+@pytest.mark.parametrize("seed", [1, 10, 17, 30, 33, pytest.param(34, marks=pytest.mark.long)])
+def test_both_codes_name_cycles_alike_and_find_the_same_exponents_and_forces(seed):
+    """The engine takes an exponent from one cycle where it closes early, so not with forces; then sums are over 56."""
+    model, names = machine(seed), {"n_periods", "n_impacts", "lyapunov", "lyapunov_per_impact", "grazing_margin"}
+    closing = get_backend("cpu").indices(model.cells({}), Measurement(ImpactWindow(500, 2000), indices=(*INDICES,)))
+    assert closing["status"] == vi.Status.CLOSED
+    assert closing["n_periods"] > 0
+    assert 56 % closing["n_impacts"] == 0
+    for by_stop in (False, True):
+        every = Measurement(ImpactWindow(150, 57), indices=(*INDICES, *FORCES), by_stop=by_stop, early_closing=False)
+        ours, theirs = both("indices", model, every)
+        for name in names - ({"grazing_margin"} if by_stop else set()):
+            np.testing.assert_allclose(theirs[name], closing[name], rtol=1e-7, err_msg=name)
+        for name in {*INDICES, *FORCES} - (names - {"grazing_margin"}):
+            np.testing.assert_allclose(theirs[name], ours[name], rtol=1e-6, atol=1e-7, err_msg=name)
+
+
+@pytest.mark.parametrize(("make", "seed"), [(sticking, None), (machine, 6), (machine, 29)])
+def test_both_codes_tell_of_a_cycle_with_rests_how_long_those_are_and_what_is_left_of_a_deviation(make, seed):
+    model = make() if seed is None else make(seed)
+    cells, measured = model.cells({}), {"indices": (*INDICES, "mean_force")}
+    ours = get_backend("cpu").indices(cells, Measurement(ImpactWindow(300, 5000), **measured))
+    theirs = get_backend("reference").indices(cells, Measurement(ImpactWindow(100, 400), **measured))
+    for name in ("status", "n_periods", "n_impacts", "stick_fraction", "lyapunov", "grazing_margin"):
+        np.testing.assert_allclose(theirs[name], ours[name], rtol=1e-4, atol=1e-7, err_msg=name)
+    assert theirs["stick_fraction"] > 0.0
+    np.testing.assert_allclose(theirs["mean_force"], ours["mean_force"], rtol=2e-3)
+
+
+@pytest.mark.parametrize("seed", [14, 34])
+def test_the_exponent_of_a_cycle_is_that_of_the_multipliers_of_its_orbit(seed):
+    """On two compliant stops, and on two rigid ones."""
+    model, how = machine(seed), {"backend": "reference", "transient_impacts": 250, "sample_impacts": 60}
+    found = vi.parameter_map(model, omega=[model.omega], indices=["lyapunov", "n_periods", "n_impacts"], **how)
+    hits = vi.impact_section(model, **how)
+    p, n = int(found["n_impacts"][0]), int(found["n_periods"][0])
+    assert p == 2
+    times, stops = hits["time"].values[-p:], hits["stop"].values[-p:].tolist()
+    (orbit,) = vi.find_orbit(model, stops=stops, n_periods=n, near=times)
+    largest = np.abs(orbit.multipliers).max()
+    assert float(found["lyapunov"][0]) == pytest.approx(np.log(largest) / (n * model.period), rel=1e-7)
+
+
+def test_a_law_of_restitution_is_that_of_the_cell():
+    """Two laws of one kind differ by a number alone."""
+    for law in (vi.contact.hunt_crossley(damping=0.2), vi.contact.hunt_crossley(damping=0.5), lambda v: 0.5 / (1 + v)):
+        stop = vi.Stop(direction=1, gap=0.1, restitution=law)
+        model = system(1.0, 0.05, 1.0, 1.3, [stop], {1: 1.0})
+        (ours,), (theirs,) = both("samples", model, Measurement(ImpactWindow(0, 12)))
+        np.testing.assert_allclose(theirs.impact_velocity, ours.impact_velocity, rtol=1e-9)

@@ -1,7 +1,6 @@
-"""The witness and the engine, on random systems; and what only the witness shows: laws of impacts, forces, energy."""
+"""What only the witness shows: laws of impacts, forces of compliant stops, and the balance of energy."""
 
 import math
-from dataclasses import fields
 from itertools import pairwise
 
 import numpy as np
@@ -9,12 +8,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import vibroimpact as vi
-from systems import a_random_machine, drawn, free_masses, linear, sticking, system
-from vibroimpact.backends import ImpactWindow, Measurement, StroboscopicWindow, get_backend
+from systems import drawn, linear, system
 from vibroimpact.backends.reference.contacts import impact_law
 from vibroimpact.backends.reference.systems import follow
-from vibroimpact.indices import FORCES, INDICES
-from vibroimpact.model.elements import Contact
 
 # Laws of impacts
 
@@ -158,95 +154,3 @@ def test_a_step_by_step_integration_of_the_forces_gives_the_same_motion(seed):
     times = np.linspace(0.0, min(trajectory.impacts[-1].time, 20.0), 50)
     stepped = solve_ivp(change, (0.0, times[-1]), [*q, *v], "DOP853", times, rtol=1e-11, atol=1e-12, max_step=2e-3)
     assert np.abs(stepped.y[:n].T - trajectory.at(times)[0]).max() < 1e-6
-
-
-# As a back end
-
-
-def machine(seed):
-    """Return a chain of masses between rigid or compliant stops, some of which move."""
-    return a_random_machine(np.random.default_rng([5, seed]))
-
-
-def both(method, model, measurement):
-    """Return what the engine and the witness say of a model's motion from rest."""
-    cells = model.cells({})
-    return [getattr(get_backend(name), method)(cells, measurement) for name in ("cpu", "reference")]
-
-
-@pytest.mark.parametrize("window", [ImpactWindow(2, 8), StroboscopicWindow(1, 8, 0.25, 2)], ids=["impacts", "times"])
-@pytest.mark.parametrize(
-    ("make", "seed"), [*((machine, seed) for seed in range(10)), *((free_masses, seed) for seed in range(6))]
-)
-def test_both_codes_sample_random_systems_alike(make, seed, window):
-    (ours,), (theirs,) = both("samples", make(seed), Measurement(window))
-    assert vi.Status(ours.status) == vi.Status(theirs.status)
-    names = [each.name for each in fields(ours) if each.name.startswith(("impact", "look", "rest"))]
-    for name in (*names, *Contact._fields):
-        parts = [getattr(code if name in names else code.contacts, name) for code in (ours, theirs)]
-        mine, its = (np.asarray(part, float) for part in parts)
-        assert mine.shape == its.shape or name not in names, name  # of a contact one number may stand for all
-        size = np.abs(mine[np.isfinite(mine)]).max(initial=1e-3)
-        np.testing.assert_allclose(mine, its, rtol=0.0, atol=1e-9 * size, err_msg=name)
-
-
-@pytest.mark.parametrize("by_stop", [False, True])
-@pytest.mark.parametrize("seed", [0, 3, 9, 11, 15, 20])
-def test_both_codes_sum_up_impacts_and_forces_of_chaos_alike(seed, by_stop):
-    """Over few impacts, before chaos parts two codes; exponents and times at rest need longer windows."""
-    names = {*INDICES, *FORCES} - {"lyapunov", "lyapunov_per_impact", "stick_fraction"}
-    ours, theirs = both("indices", machine(seed), Measurement(ImpactWindow(3, 10), indices=(*names,), by_stop=by_stop))
-    for name in (*names, "status"):
-        np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-7, atol=1e-9, err_msg=name)
-
-
-@pytest.mark.parametrize("seed", [1, 10, 17, 30, 33, pytest.param(34, marks=pytest.mark.long)])
-def test_both_codes_name_cycles_alike_and_find_the_same_exponents_and_forces(seed):
-    """The engine takes an exponent from one cycle where it closes early, so not with forces; then sums are over 56."""
-    model, names = machine(seed), {"n_periods", "n_impacts", "lyapunov", "lyapunov_per_impact", "grazing_margin"}
-    closing = get_backend("cpu").indices(model.cells({}), Measurement(ImpactWindow(500, 2000), indices=(*INDICES,)))
-    assert closing["status"] == vi.Status.CLOSED
-    assert closing["n_periods"] > 0
-    assert 56 % closing["n_impacts"] == 0
-    for by_stop in (False, True):
-        every = Measurement(ImpactWindow(150, 57), indices=(*INDICES, *FORCES), by_stop=by_stop, early_closing=False)
-        ours, theirs = both("indices", model, every)
-        for name in names - ({"grazing_margin"} if by_stop else set()):
-            np.testing.assert_allclose(theirs[name], closing[name], rtol=1e-7, err_msg=name)
-        for name in {*INDICES, *FORCES} - (names - {"grazing_margin"}):
-            np.testing.assert_allclose(theirs[name], ours[name], rtol=1e-6, atol=1e-7, err_msg=name)
-
-
-@pytest.mark.parametrize(("make", "seed"), [(sticking, None), (machine, 6), (machine, 29)])
-def test_both_codes_tell_of_a_cycle_with_rests_how_long_those_are_and_what_is_left_of_a_deviation(make, seed):
-    model = make() if seed is None else make(seed)
-    cells, measured = model.cells({}), {"indices": (*INDICES, "mean_force")}
-    ours = get_backend("cpu").indices(cells, Measurement(ImpactWindow(300, 5000), **measured))
-    theirs = get_backend("reference").indices(cells, Measurement(ImpactWindow(100, 400), **measured))
-    for name in ("status", "n_periods", "n_impacts", "stick_fraction", "lyapunov", "grazing_margin"):
-        np.testing.assert_allclose(theirs[name], ours[name], rtol=1e-4, atol=1e-7, err_msg=name)
-    assert theirs["stick_fraction"] > 0.0
-    np.testing.assert_allclose(theirs["mean_force"], ours["mean_force"], rtol=2e-3)
-
-
-@pytest.mark.parametrize("seed", [14, 34])
-def test_the_exponent_of_a_cycle_is_that_of_the_multipliers_of_its_orbit(seed):
-    """On two compliant stops, and on two rigid ones."""
-    model, how = machine(seed), {"backend": "reference", "transient_impacts": 250, "sample_impacts": 60}
-    found = vi.parameter_map(model, omega=[model.omega], indices=["lyapunov", "n_periods", "n_impacts"], **how)
-    hits = vi.impact_section(model, **how)
-    p, n = int(found["n_impacts"][0]), int(found["n_periods"][0])
-    assert p == 2
-    times, stops = hits["time"].values[-p:], hits["stop"].values[-p:].tolist()
-    (orbit,) = vi.find_orbit(model, stops=stops, n_periods=n, near=times)
-    largest = np.abs(orbit.multipliers).max()
-    assert float(found["lyapunov"][0]) == pytest.approx(np.log(largest) / (n * model.period), rel=1e-7)
-
-
-def test_a_law_of_restitution_is_that_of_the_cell():
-    """Two laws of one kind differ by a number alone."""
-    for law in (vi.contact.hunt_crossley(damping=0.2), vi.contact.hunt_crossley(damping=0.5), lambda v: 0.5 / (1 + v)):
-        stop = vi.Stop(direction=1, gap=0.1, restitution=law)
-        model = system(1.0, 0.05, 1.0, 1.3, [stop], {1: 1.0})
-        (ours,), (theirs,) = both("samples", model, Measurement(ImpactWindow(0, 12)))
-        np.testing.assert_allclose(theirs.impact_velocity, ours.impact_velocity, rtol=1e-9)
