@@ -204,10 +204,17 @@ def test_both_codes_sum_up_impacts_and_forces_of_chaos_alike(make, seed, by_stop
         np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-7, atol=near, err_msg=name)
 
 
-@pytest.mark.parametrize("seed", [1, 10, 17, 30, 33, pytest.param(34, marks=pytest.mark.long)])
-def test_both_codes_name_cycles_alike_and_find_the_same_exponents_and_forces(seed):
+@pytest.mark.parametrize(
+    ("make", "seed"),
+    [
+        *((machine, seed) for seed in (1, 10, 17, 30, 33)),
+        pytest.param(machine, 34, marks=pytest.mark.long),
+        *((one_mass, seed) for seed in (19, 22, 27)),
+    ],
+)
+def test_both_codes_name_cycles_alike_and_find_the_same_exponents_and_forces(make, seed):
     """The engine takes an exponent from one cycle where it closes early, so not with forces; then sums are over 56."""
-    model, names = machine(seed), {"n_periods", "n_impacts", "lyapunov", "lyapunov_per_impact", "grazing_margin"}
+    model, names = make(seed), {"n_periods", "n_impacts", "lyapunov", "lyapunov_per_impact", "grazing_margin"}
     closing = get_backend("cpu").indices(model.cells({}), Measurement(ImpactWindow(500, 2000), indices=(*INDICES,)))
     assert closing["status"] == vi.Status.CLOSED
     assert closing["n_periods"] > 0
