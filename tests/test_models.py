@@ -1,6 +1,8 @@
-"""A model that is neither an oscillator nor a family is known by its table, values, replace, at and cells alone."""
+"""What a model is: a value with a table of parameters, replace, at and cells, and an initial state before its stops."""
 
+import copy
 import math
+import pickle
 from dataclasses import asdict, dataclass, replace
 from typing import ClassVar
 
@@ -8,8 +10,14 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from systems import M, one_mass, two_masses
 from vibroimpact.cells import Cells
 from vibroimpact.parameters import Parameter
+
+pytestmark = pytest.mark.usefixtures("modal_engine")
+
+# A model that is neither an oscillator nor a family
+
 
 OWN = (
     Parameter("length", "length of the rod", "m", "l", 0.0, closed=False),
@@ -87,3 +95,167 @@ def test_a_stored_map_of_a_model_is_named_without_its_values(tmp_path):
     for base in (5.0, 9.81):  # the axis replaces it: the same study
         sweep = vi.parameter_map(Pendulum(base), length=[4.0, 5.0], sample_impacts=50, store=tmp_path / "map.zarr")
     assert "pendulum" in sweep.attrs["model"]
+
+
+# Values
+
+MODELS = {
+    "one mass": lambda: vi.ImpactOscillator(gap=0.3),
+    "two masses": two_masses,
+    "a machine": vi.models.bouncing_ball,
+    "a pendulum": Pendulum,
+}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_model_is_a_value(name):
+    one, other = MODELS[name](), MODELS[name]()
+    assert one == other
+    assert hash(one) == hash(other)
+    assert one != other.replace(omega=1.2 * one.omega)
+    assert pickle.loads(pickle.dumps(one)) == one == copy.deepcopy(one)
+    with pytest.raises(AttributeError):
+        one.omega = 2.0
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_parameters_of_a_model_are_those_of_its_values_and_of_what_replaces_them(name):
+    model = MODELS[name]()
+    own = [parameter for parameter in model.parameters.values() if not parameter.replaces]
+    assert [parameter.name for parameter in own] == list(model.values)
+    assert len({parameter.symbol for parameter in model.parameters.values()}) == len(model.parameters)
+    assert all(known == parameter.name for known, parameter in model.parameters.items())
+    assert model.replace(omega=3.0).replace(**model.values) == model
+    assert model.replace(frequency=2.0).values["omega"] == model.at(frequency=2.0).omega == 2.0 * math.pi * 2.0
+
+
+def test_the_parts_of_a_system_are_values_that_cannot_be_written_into():
+    one, other = two_masses(), two_masses()
+    assert one != other.replace(bar_gap=0.06)
+    assert one != two_masses(damping=0.0)
+    assert one.force == other.force
+    assert one.stops == other.stops
+    for part in (one.mass, one.modal().squares, one.force.harmonics[1]):
+        with pytest.raises(ValueError, match="read-only"):
+            part[(0,) * part.ndim] = 1.0
+    for matrix in (one.mass, one.damping, one.stiffness):
+        with pytest.raises(ValueError, match="WRITEABLE"):
+            matrix.setflags(write=True)
+
+
+def test_an_unforced_system_needs_no_force():
+    """It moves as with a force of zero, whose periods only count time, but has no period."""
+    stops, modes = [vi.Stop(direction=1.0, gap=0.5)], {"frequencies": [0.1], "damping_ratios": 0.0, "shapes": [[1.0]]}
+    for kept in (None, vi.Force()):
+        assert vi.ImpactSystem(mass=1.0, stiffness=2.0, force=kept, stops=stops) == vi.ImpactSystem(
+            mass=1.0, stiffness=2.0, stops=stops
+        )
+        assert vi.ImpactSystem.from_modes(**modes, force=kept) == vi.ImpactSystem.from_modes(**modes)
+    for kept, length in ((None, {"duration": 4.0}), (vi.Force(omega=1.0), {"periods": 1})):
+        free = vi.ImpactSystem(mass=1.0, stiffness=0.0, force=kept, stops=stops)
+        assert free.periodic == ("omega" in repr(free)) == ("omega" in free.parameters) == ("periods" in length)
+        hit = vi.simulate(free, start=vi.State(0.0, 0.25), **length)["impact_time"]
+        assert hit.values.tolist() == pytest.approx([2.0])
+    with pytest.raises(ValueError, match="no driving period"):
+        vi.simulate(vi.ImpactSystem(mass=1.0, stiffness=0.0), periods=2)
+    with pytest.raises(ValueError, match="`force` must have a frequency, since 'shaker' moves"):
+        vi.ImpactSystem(
+            mass=1.0, stiffness=0.0, stops=[vi.Stop(direction=1.0, gap=0.5, motion={1: 0.1}, name="shaker")]
+        )
+
+
+def test_arrays_given_are_copied():
+    mass, p = np.array(M), np.array([5.0, 0.0])
+    system = two_masses(mass=mass, force=vi.Force(omega=8.0, harmonics={1: p}))
+    mass[0, 0], p[0] = 7.0, 7.0
+    assert system.mass[0, 0] == 2.0
+    assert system.force.harmonics[1][0] == 5.0
+
+
+def test_repr_is_short_and_str_has_no_values():
+    system = two_masses()
+    assert len(repr(system)) < 120
+    assert str(system) == str(system.replace(omega=3.0)) == "ImpactSystem of 2 coordinates with bar, baffle"
+    assert repr(system.stops[0]) == (
+        "Stop(direction=[0.0, 1.0], gap=0.05, restitution=0.7, name='bar', motion={1: 0.01})"
+    )
+    assert eval(repr(system.force), {"Force": vi.Force}) == system.force
+
+
+def test_parameters_are_those_of_force_and_stops():
+    system = two_masses()
+    assert list(system.parameters) == [
+        "omega", "frequency", "bar_gap", "bar_restitution", "baffle_gap", "baffle_restitution",
+    ]  # fmt: skip
+    assert system.values == {
+        "omega": 8.0, "bar_gap": 0.05, "bar_restitution": 0.7, "baffle_gap": 0.02, "baffle_restitution": 0.8,
+    }  # fmt: skip
+    assert len({parameter.symbol for parameter in system.parameters.values()}) == len(system.parameters)
+    assert all(name == parameter.name for name, parameter in system.parameters.items())
+    assert system.period == 2.0 * math.pi / 8.0
+    assert system.at() is system
+    there = system.at(frequency=2.0, bar_gap=0.1, baffle_restitution=0.0)
+    assert there.omega == there.force.omega == there.values["omega"] == 2.0 * math.pi * 2.0
+    assert there.stops[0].gap == 0.1
+    assert there.stops[1].restitution == 0.0
+    assert there.replace(**system.values) == system
+
+
+def test_a_changed_system_has_the_modes_of_one_made_anew():
+    system = two_masses()
+    system.modal()
+    changed_one = system.replace(omega=5.0, bar_gap=0.3, baffle_restitution=0.1)
+    anew = vi.ImpactSystem(**changed_one.arguments())
+    assert changed_one == anew
+    for name, value in vars(anew.modal()).items():
+        np.testing.assert_array_equal(getattr(changed_one.modal(), name), value)
+    with pytest.raises(ValueError, match="overlap"):
+        one_mass(vi.ImpactOscillator(), stops=[vi.Stop(direction=1, gap=1.0), vi.Stop(direction=-1, gap=1.0)]).replace(
+            stop_1_gap=-1.5
+        )
+
+
+def test_designs_made_together_have_the_bits_of_each_alone():
+    """Frequencies, stiffness, gaps (negative ones, too), restitutions and moving stops, each tied to another."""
+
+    @vi.family
+    def tied(omega=8.0, gap=0.05, k=100.0):
+        stops = [
+            vi.Stop(direction=[0, 1], gap=gap, restitution=0.5 + gap, name="bar", motion={1: 0.1 * abs(gap)}),
+            vi.Stop(direction=[0.5, -1], gap=0.1 - gap, name="baffle"),
+        ]
+        K = [[300.0, -100.0], [-100.0, k]]
+        return two_masses(stiffness=K, force=vi.Force(omega=omega, harmonics={1: [5.0, k]}), stops=stops)
+
+    def still(gap=0.05, ratio=0.1):
+        stops = [vi.Stop(direction=side, gap=gap, restitution=ratio) for side in (1.0, -0.5)]
+        force = vi.Force(omega=2.0, harmonics={1: 1.0})
+        return vi.ImpactSystem(mass=1.0, stiffness=1.0, damping=0.1, force=force, stops=stops)
+
+    axes = {"omega": [7.0, 8.0, 9.0], "gap": [-0.02, 0.0, 0.05], "k": [80.0, 100.0]}
+    for family, grid in ((tied, axes), (vi.family(still), {"gap": [-0.0, 0.1, 0.3], "ratio": [0.0, 0.3, 1.0]})):
+        points = {name: values.ravel() for name, values in zip(grid, np.meshgrid(*grid.values()), strict=True)}
+        rows = zip(*(values.tolist() for values in points.values()), strict=True)
+        alone = [family.at(**dict(zip(points, row, strict=True))).cells({}).table for row in rows]
+        assert family.cells(points).table.tobytes() == np.concatenate(alone).tobytes()
+
+
+@pytest.mark.parametrize("numbers", [{}, {"omega": 0.3, "damping": 0.4}, {"mass": 2.0, "gap": -0.1}])
+def test_one_mass_and_the_same_machine_as_a_system_answer_alike(numbers):
+    osc = vi.ImpactOscillator(**numbers)
+    assert osc.system.stop_names == osc.stop_names
+    assert osc.system.coordinates == osc.coordinates
+    assert osc.system.slowest_frequency == pytest.approx(osc.slowest_frequency, rel=1e-14)
+    assert osc.system.steady_amplitude == pytest.approx(osc.steady_amplitude, rel=1e-14)
+
+
+def test_the_steady_swing_of_what_is_no_single_sine_towards_one_stop_is_no_number():
+    assert math.isnan(vi.models.two_sided_oscillator().steady_amplitude)
+    assert math.isnan(vi.models.bouncing_ball().steady_amplitude)
+    assert vi.models.bouncing_ball().slowest_frequency == vi.models.bouncing_ball().omega  # a free mass
+
+
+def test_a_stop_is_where_its_motion_has_taken_it():
+    stop, time = vi.Stop(direction=1.0, gap=0.5, motion={2: 0.1}), np.linspace(0.0, 3.0, 7)
+    assert stop.gap + stop.shift(1.5 * time) == pytest.approx(0.5 + 0.1 * np.sin(3.0 * time), abs=1e-15)
+    assert stop.speed(1.5 * time, 1.5) == pytest.approx(0.3 * np.cos(3.0 * time), abs=1e-15)

@@ -1,6 +1,7 @@
-"""The modes of a system, and the scale of its velocities."""
+"""The modes of a system and tables of them, the scale of its velocities, and centres that no stop feels."""
 
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -145,6 +146,51 @@ def test_a_chain_of_stiff_and_soft_springs_with_proportional_damping_decouples()
             assert two_masses(
                 mass=mass, stiffness=stiffness, damping=0.01 * stiffness, force=force, stops=[]
             ).modal().decoupled  # fmt: skip
+
+
+# A table of modes
+
+
+def test_a_system_of_modes_is_that_of_its_matrices():
+    rng = np.random.default_rng(11)
+    n = 4
+    half, other = rng.standard_normal((2, n, n))
+    mass, stiffness = half @ half.T + np.eye(n), other @ other.T
+    force = vi.Force(frequency=0.3, harmonics={1: [0.0, 2.0, 0.0, 0.0]}, constant=[0.0, 0.0, 0.0, -1.0])
+    stops = [vi.Stop(direction=[1.0, 0.0, -1.0, 0.0], gap=0.1), vi.Stop(direction=[0, 0, 0, 2.0], gap=0.2)]
+    damping = 0.05 * mass + 0.01 * stiffness
+    physical = vi.ImpactSystem(mass=mass, damping=damping, stiffness=stiffness, force=force, stops=stops)
+    form = physical.modal()
+    rates = np.sqrt(form.squares)
+    table = {
+        "frequencies": rates / (2.0 * math.pi),
+        "damping_ratios": np.diag(form.damping) / (2.0 * rates),
+        "shapes": form.shapes / np.sqrt(form.masses),
+    }
+    by_rows = vi.ImpactSystem.from_modes(**table, force=force, stops=stops)
+    by_name = vi.ImpactSystem.from_modes(
+        **table,
+        points=["foot", "knee", "hip", "tip"],
+        force=vi.Force(frequency=0.3, harmonics={1: {"knee": 2.0}}, constant={"tip": -1.0}),
+        stops=[vi.Stop(direction={"hip": -1.0, "foot": 1.0}, gap=0.1), vi.Stop(direction={"tip": 2.0}, gap=0.2)],
+    )
+    assert by_rows == by_name
+    modal = by_rows.modal()
+    assert modal.decoupled
+    np.testing.assert_allclose(modal.squares, form.squares, rtol=1e-14)
+    np.testing.assert_allclose(modal.damping, form.damping, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(modal.mobility, form.mobility, rtol=1e-11)
+    np.testing.assert_allclose(modal.directions @ modal.constant, form.directions @ form.constant, rtol=1e-11)
+    np.testing.assert_allclose(modal.directions @ modal.forces[0], form.directions @ form.forces[0], rtol=1e-11)
+    assert by_rows.velocity_scale == pytest.approx(physical.velocity_scale, rel=1e-10)
+
+
+def test_a_mode_at_0_hz_is_a_free_mass():
+    system = vi.ImpactSystem.from_modes(
+        [0.0, 10.0], 0.01, [[1.0, 1.0]], force=vi.Force(omega=1.0), stops=[vi.Stop(direction=1, gap=0.1)]
+    )
+    assert system.modal().squares.tolist() == [0.0, (20.0 * math.pi) ** 2]
+    assert system.stops[0].direction.tolist() == [1.0, 1.0]
 
 
 # The scale of velocities
