@@ -57,7 +57,7 @@ check-oldest check-newest: .venv/.has-tests .venv/.has-checks
 
 fuzz: .venv/.has-tests
 	FUZZ=40 $(BIN)/python -m pytest -n auto tests/test_fuzz.py tests/test_hostile_files.py tests/test_advice.py \
-	  tests/test_random_systems.py tests/test_compliant_orbits.py tests/test_scaling.py tests/test_system_agreement.py \
+	  tests/test_random_systems.py tests/test_compliant_orbits.py tests/test_scaling.py tests/test_agreement.py \
 	  tests/test_endings.py
 
 bench: export PYTHONDONTWRITEBYTECODE =

@@ -1,4 +1,4 @@
-"""Maps, classes, verdicts, attractors and orbits of one system say the same of it."""
+"""Maps, classes, verdicts, attractors and orbits of one model say the same of it."""
 
 import os
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from designs import random_oscillator
 from systems import a_random_machine
 from vibroimpact.coexistence.striking import alike
 from vibroimpact.motion import MotionClass, motion_name
@@ -25,12 +26,12 @@ def named(sweep):
     return kind, motion_name(kind, int(cell["n_periods"]), int(cell["n_impacts"]))
 
 
-def check_the_map(system, verdict):
+def check_the_map(model, verdict):
     """A motion that both decide has one name, and an exponent that agrees to 1 % of its decay.
 
     A verdict watches for longer than a map: what it is certain of only then may look chaotic there.
     """
-    sweep = vi.parameter_map(system, omega=[system.omega], indices=INDICES)
+    sweep = vi.parameter_map(model, omega=[model.omega], indices=INDICES)
     kind, name = named(sweep)
     decided = MotionClass.UNDECIDED not in (kind, verdict.motion.motion_class.stored) and verdict.watched <= WINDOW
     if decided and verdict.motion.motion_class.hits:
@@ -42,7 +43,7 @@ def check_the_map(system, verdict):
         assert float(sweep["lyapunov"][0]) == pytest.approx(exponent, rel=0.01), name
 
 
-def check_the_orbits(system, found):
+def check_the_orbits(model, found):
     """Every cycle that is reached is an orbit that `find_orbit` knows, and every stable one-contact orbit is told."""
     cycles = [one for one in found if one.kind == MotionClass.PERIODIC.word]
     for one in cycles:
@@ -50,17 +51,17 @@ def check_the_orbits(system, found):
         assert one.orbit.stable
         assert one.orbit.admissible
         if one.n_impacts == 1:
-            orbits = vi.find_orbit(system, n_periods=one.n_periods)
+            orbits = vi.find_orbit(model, n_periods=one.n_periods)
             assert any(same_orbit(orbit, one.orbit, tolerance=NEAR) for orbit in orbits), (one.name, orbits.message)
-    for orbit in (orbit for n in (1, 2) for orbit in vi.find_orbit(system, n_periods=n)):
+    for orbit in (orbit for n in (1, 2) for orbit in vi.find_orbit(model, n_periods=n)):
         if orbit.stable and orbit.admissible and orbit.spectral_radius < SETTLES:
             assert any(same_orbit(orbit, one.orbit, tolerance=NEAR) for one in cycles), (orbit.name, orbit.velocities)
 
 
-def check_the_starts(system, found):
+def check_the_starts(model, found):
     """A state on an attractor leads to it; one on a motion that was watched for long may lead to another in the end."""
     for one in found:
-        (again,) = vi.attractors(system, [one.start], workers=1)
+        (again,) = vi.attractors(model, [one.start], workers=1)
         if one.kind == MotionClass.CHAOTIC.word and again.kind != one.kind:
             assert any(alike(again, other) for other in found if other is not one), again.name
             continue
@@ -70,10 +71,11 @@ def check_the_starts(system, found):
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(SEEDS))
-def test_all_that_is_said_of_a_random_machine_agrees(seed):
-    system = a_random_machine(np.random.default_rng([38, seed]))
-    verdict, motions = vi.describe(system, parameters=[], workers=1), vi.attractors(system, workers=1)
+@pytest.mark.parametrize("make", [a_random_machine, random_oscillator])
+def test_all_that_is_said_of_a_random_model_agrees(make, seed):
+    model = make(np.random.default_rng([38, seed]))
+    verdict, motions = vi.describe(model, parameters=[], workers=1), vi.attractors(model, workers=1)
     assert {(one.start, one.share) for one in motions} <= {(one.start, one.share) for one in verdict.attractors}
-    check_the_map(system, verdict)
-    check_the_orbits(system, motions)
-    check_the_starts(system, motions)
+    check_the_map(model, verdict)
+    check_the_orbits(model, motions)
+    check_the_starts(model, motions)
