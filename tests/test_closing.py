@@ -23,7 +23,8 @@ PLANES = {
     "amplitude": np.linspace(0.1, 5.0, 12),
     "restitution": np.linspace(0.1, 0.99, 12),
 }
-SYSTEMS = {
+MODELS = {
+    "one mass": (OSC, np.linspace(0.5, 3.2, 12)),
     "a chain at a stop": (chain(), np.linspace(0.6, 1.2, 9)),
     "between two stops": (between_stops(1.0), np.linspace(0.95, 1.2, 6)),
     "sticking": (sticking(), np.linspace(0.35, 0.5, 6)),
@@ -65,21 +66,24 @@ def test_every_index_of_the_paper_s_maps_is_the_same_with_and_without(parameter)
     assert closed.attrs["steps_computed"] < 0.4 * stepped.attrs["steps_computed"]
 
 
-@pytest.mark.long(but=6)
+@pytest.mark.long(but=9)
 @pytest.mark.parametrize("indices", [SPEEDS, ALL, tuple(FORCES)], ids=["speeds", "all", "forces"])
-@pytest.mark.parametrize("name", SYSTEMS)
-def test_every_index_of_a_system_is_the_same_with_and_without(name, indices):
-    model, omega = SYSTEMS[name]
+@pytest.mark.parametrize("name", MODELS)
+def test_every_index_of_a_model_is_the_same_with_and_without(name, indices):
+    model, omega = MODELS[name]
     closed, stepped = both(model, indices, omega=omega)
-    agree(closed, stepped, 1e-11, ())
+    if model.forgets:  # one mass closes sooner, and its largest velocity is that of its cycle
+        agree(closed, stepped, 1e-9)
+    else:
+        agree(closed, stepped, 1e-11, ())
     assert (stepped["status"].values != vi.Status.CLOSED).all()
     assert closed.attrs["impacts_computed"] < 0.5 * stepped.attrs["impacts_computed"]
     assert closed.attrs["steps_computed"] < 0.5 * stepped.attrs["steps_computed"]
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", MODELS)
 def test_a_cell_that_closes_has_the_exponent_of_its_orbit(name):
-    model, omega = SYSTEMS[name]
+    model, omega = MODELS[name]
     sweep, compared = vi.parameter_map(model, omega=omega, indices=ALL, transient_impacts=1500), 0
     for value in sweep["omega"].values[sweep["n_periods"].values > 0]:
         there, cell = model.replace(omega=float(value)), sweep.sel(omega=value)
