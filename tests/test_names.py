@@ -113,6 +113,7 @@ def test_a_motion_has_the_name_that_a_map_gives_it():
 def test_a_cycle_that_is_reached_by_turns_from_either_side_is_not_named_double(
     multiplier, restitution, n_periods, early_closing
 ):
+    """Of the bouncing ball: multipliers of product r^2 and sum 1 + r^2 - (1 + r)^2 sqrt(gamma^2 - fold^2)."""
     squared, fold = restitution**2, n_periods * math.pi * (1.0 - restitution) / (1.0 + restitution)
     slope = (1.0 + squared - multiplier - squared / multiplier) / (1.0 + restitution) ** 2
     ball = bouncing_ball(math.hypot(fold, slope), restitution)
