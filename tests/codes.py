@@ -110,3 +110,10 @@ class Way:
         how |= {"transient_impacts": transient, "sample_impacts": sample, "indices": names}
         found = self._asked(vi.parameter_map, osc, {"omega": [osc.omega]} | how).isel(omega=0)
         return {name: found[name].item() for name in (*names, "status")}
+
+
+def index_of(model, *names, **how):
+    """Return indices of a model over the impacts of a window, as plain numbers in order of their names."""
+    arguments = {"omega": [model.omega], "indices": names, "sample_impacts": 3000} | how
+    sweep = vi.parameter_map(model, **arguments)
+    return [float(sweep[name].item()) for name in names]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from codes import index_of
 from designs import RESTS
 from systems import beside_its_centre, free_masses, free_pair, one_mass
 from vibroimpact.backends.modal.carry import Carrier
@@ -11,12 +12,6 @@ from vibroimpact.backends.modal.carry import Carrier
 pytestmark = pytest.mark.usefixtures("modal_engine")
 
 NAMED = ("n_periods", "n_impacts", "lyapunov_per_impact")
-
-
-def index_of(model, *names, **how):
-    arguments = {"omega": [model.omega], "indices": names, "sample_impacts": 3000} | how
-    sweep = vi.parameter_map(model, **arguments)
-    return [float(sweep[name].item()) for name in names]
 
 
 def mixed(rng):
@@ -103,8 +98,12 @@ def test_free_masses_have_the_names_and_exponents_of_their_relative_motion():
     for seed in range(24):
         model = free_masses(seed)
         own, centres = beside_its_centre(model)
-        indices = [index_of(one, "n_periods", "n_impacts", "max_velocity", "lyapunov", sample_impacts=500,
-                      transient_impacts=1500) for one in (model, own)]  # fmt: skip
+        indices = [
+            index_of(
+                one, "n_periods", "n_impacts", "max_velocity", "lyapunov", sample_impacts=500, transient_impacts=1500
+            )
+            for one in (model, own)
+        ]
         assert centres > 0
         if any(0 < one[0] <= 8 for one in indices):
             assert indices[0][:2] == indices[1][:2], seed

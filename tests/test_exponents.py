@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 import vibroimpact as vi
-from codes import Engine, differences, later
+from codes import Engine, differences, index_of, later
 from designs import orbit_of_one_impact
 from oracles.one_impact import trace, transition
 from systems import (
@@ -31,12 +31,6 @@ NAMED = ("n_periods", "n_impacts", "lyapunov_per_impact")
 
 def name_of(indices):
     return indices["n_periods"], indices["n_impacts"]
-
-
-def index_of(model, *names, **how):
-    arguments = {"omega": [model.omega], "indices": names, "sample_impacts": 3000} | how
-    sweep = vi.parameter_map(model, **arguments)
-    return [float(sweep[name].item()) for name in names]
 
 
 # Cycles of one mass

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from codes import index_of
 from systems import (
     between_stops,
     bouncing_ball,
@@ -34,12 +35,6 @@ def spread():
 
 def name_of(indices):
     return indices["n_periods"], indices["n_impacts"]
-
-
-def index_of(model, *names, **how):
-    arguments = {"omega": [model.omega], "indices": names, "sample_impacts": 3000} | how
-    sweep = vi.parameter_map(model, **arguments)
-    return [float(sweep[name].item()) for name in names]
 
 
 # Cycles
@@ -123,8 +118,14 @@ def test_a_cycle_that_is_reached_by_turns_from_either_side_is_not_named_double(
     for kick in (1e-2, 1e-4, 1e-5, 1e-6, 1e-7):
         start = vi.State(orbit.start.displacement, (1.0 - kick) * np.array(orbit.start.velocity), orbit.start.time)
         for sample in (200, 500, 1000, 2000):
-            (found,) = index_of(ball, "n_periods", start=start, transient_impacts=sample // 2, sample_impacts=sample,
-                             early_closing=early_closing)  # fmt: skip
+            (found,) = index_of(
+                ball,
+                "n_periods",
+                start=start,
+                transient_impacts=sample // 2,
+                sample_impacts=sample,
+                early_closing=early_closing,
+            )
             named.add(int(found))
     assert named <= ({0, n_periods} if multiplier > -1.0 else {0, 2 * n_periods})
     assert abs(multiplier + 1.0) < 1e-3 or len(named) == 2  # it is named where it is near
