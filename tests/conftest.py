@@ -83,6 +83,14 @@ def code(request):
     return Witness() if request.param == "witness" else Engine()
 
 
+@pytest.fixture(scope="module", params=["one mass", "one mass as a system"])
+def form(request):
+    """Return what makes a model of an oscillator."""
+    from systems import FORMS
+
+    return FORMS[request.param]
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with what is long, so that two workers end together; the first cases of some tests are not."""

@@ -42,6 +42,9 @@ def one_mass(osc, **changes):
     return vi.ImpactSystem(**arguments | changes)
 
 
+FORMS = {"one mass": lambda osc: osc, "one mass as a system": one_mass}
+
+
 def a_random_system(rng, n, s=2, damping=None):
     """Return a system with general matrices; its damping is gyroscopic, too."""
     mass, stiffness, spread = (rng.standard_normal((n, n)) for _ in range(3))

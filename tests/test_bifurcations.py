@@ -5,19 +5,11 @@ import pytest
 
 import vibroimpact as vi
 from contents import special_points
-from systems import chain, impact_damper, one_mass, symmetric_orbit
+from systems import FORMS, chain, impact_damper, one_mass, symmetric_orbit
 from vibroimpact.continuation import follow_all
 from vibroimpact.orbits import orbit_distance
 
 pytestmark = pytest.mark.usefixtures("modal_engine")
-
-FORMS = {"one mass": lambda osc: osc, "one mass as a system": one_mass}
-
-
-@pytest.fixture(scope="module", params=FORMS)
-def form(request):
-    """Return what makes a model of an oscillator."""
-    return FORMS[request.param]
 
 
 def first(omega=2.0, n_impacts=1, form=FORMS["one mass"], **changes):

@@ -75,7 +75,6 @@ def test_doublings_obey_the_closed_form_of_the_trace(curves, name):
             assert known == pytest.approx(-1 - (o.restitution * fade) ** 2, abs=1e-10)
 
 
-@pytest.mark.parametrize("form", [lambda osc: osc, one_mass], ids=["one mass", "one mass as a system"])
 def test_the_curves_pass_through_the_values_known_with_50_digits(values, form):
     known = [float(point["w"]) for point in values["period_doubling_w_of_n=1"]]
     for w in known:

@@ -91,9 +91,9 @@ def test_indices_by_stop_are_not_refined():
 
 
 @pytest.mark.parametrize("closing", [True, False])
-def test_impacts_per_period_of_a_known_cycle_are_its_own_impacts_over_its_periods(closing):
+@pytest.mark.parametrize("model", [two_masses(), vi.ImpactOscillator()], ids=["two masses", "one mass"])
+def test_impacts_per_period_of_a_known_cycle_are_its_own_impacts_over_its_periods(model, closing):
     """To the last bit, whatever the window; and those of each stop are as many as it has in the cycle."""
-    model = two_masses()
     settings = {"omega": np.linspace(1.4, 3, 33) * model.omega, "transient_impacts": 400, "early_closing": closing}
     names = ("impacts_per_period", "n_periods", "n_impacts")
     whole = vi.parameter_map(model, indices=names, sample_impacts=213, **settings)

@@ -247,11 +247,6 @@ def test_long_chaos_is_never_closed():
     assert closed["status"].values.tolist() == [vi.Status.OK]
 
 
-def test_impacts_per_period_of_a_closed_cycle_is_exactly_p_over_n():
-    for sweep in both(omega=[0.95, 2.0, 4.0]):
-        assert sweep["impacts_per_period"].values.tolist() == [2.0, 1.0, 0.5]
-
-
 @njit
 def cycle_tangent(omega, v, s, c):
     """Return the tangent over the period-1 impact-1 orbit that hits with v at (s, c), from just after an impact."""

@@ -8,19 +8,11 @@ import pytest
 import vibroimpact as vi
 from balls import GRAVITY, ball, of_the_ball
 from contents import special_points
-from systems import bouncing_ball, chain, changed, one_mass, symmetric_orbit, two_sided
+from systems import FORMS, bouncing_ball, chain, changed, one_mass, symmetric_orbit, two_sided
 from vibroimpact.orbits import orbit_distance
 from vibroimpact.report import sentences_of
 
 pytestmark = pytest.mark.usefixtures("modal_engine")
-
-FORMS = {"one mass": lambda osc: osc, "one mass as a system": one_mass}
-
-
-@pytest.fixture(scope="module", params=FORMS)
-def form(request):
-    """Return what makes a model of an oscillator."""
-    return FORMS[request.param]
 
 
 def first(omega=2.0, n_impacts=1, form=FORMS["one mass"], **changes):
@@ -63,18 +55,14 @@ def test_the_graze_agrees_with_50_digits(values, along_omega):
 
 
 BRANCHES = {
+    "one mass": lambda: vi.continue_orbit(first(), "omega", (0.9, 4.0), step=0.1),
+    "one mass as a system": lambda: vi.continue_orbit(first(form=one_mass), "omega", (0.9, 4.0), step=0.1),
     "a ball on a table": lambda: vi.continue_orbit(
         vi.find_orbit(ball.replace(amplitude=0.0285))[0], "amplitude", (0.02, 0.04), step=0.1
     ),
     "three masses": lambda: vi.continue_orbit(vi.find_orbit(chain())[0], "bar_gap", (0.4, 0.9), step=0.1),
     "between two stops": lambda: vi.continue_orbit(symmetric_orbit(two_sided()), "omega", (1.0, 2.5), step=0.1),
 }
-
-
-def test_every_special_point_of_one_mass_satisfies_its_own_condition(along_omega):
-    assert len(along_omega.special) > 2
-    for point in along_omega.special:
-        assert point.residual < 1e-12
 
 
 @pytest.mark.parametrize("name", BRANCHES)
