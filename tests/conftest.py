@@ -84,8 +84,8 @@ def code(request):
 
 
 @pytest.fixture(scope="module", params=["one mass", "one mass as a system"])
-def form(request):
-    """Return what makes a model of an oscillator."""
+def as_model(request):
+    """Return what makes a model of an oscillator, for all tests of a file alike."""
     from systems import FORMS
 
     return FORMS[request.param]

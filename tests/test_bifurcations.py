@@ -12,8 +12,8 @@ from vibroimpact.orbits import orbit_distance
 pytestmark = pytest.mark.usefixtures("modal_engine")
 
 
-def first(omega=2.0, n_impacts=1, form=FORMS["one mass"], **changes):
-    return vi.find_orbit(form(vi.ImpactOscillator(omega=omega, **changes)), n_impacts=n_impacts)[0]
+def first(omega=2.0, n_impacts=1, as_model=FORMS["one mass"], **changes):
+    return vi.find_orbit(as_model(vi.ImpactOscillator(omega=omega, **changes)), n_impacts=n_impacts)[0]
 
 
 def values_of(branch, kind):
@@ -21,8 +21,8 @@ def values_of(branch, kind):
 
 
 @pytest.fixture(scope="module")
-def doubled(form):
-    branch = vi.continue_orbit(first(2.6, form=form), "omega", (2.5, 2.7), step=0.1)
+def doubled(as_model):
+    branch = vi.continue_orbit(first(2.6, as_model=as_model), "omega", (2.5, 2.7), step=0.1)
     return vi.continue_orbit(vi.switch_branch(branch.special[-1]), "omega", (2.5, 3.3), step=0.03, virtual=False)
 
 
@@ -65,9 +65,9 @@ def test_the_doubled_orbit_doubles_again_and_the_engine_agrees(doubled):
     assert again.determinant == pytest.approx(point.orbit.determinant**2, rel=1e-3)
 
 
-def test_near_a_doubling_the_square_of_the_split_grows_with_the_parameter(form):
+def test_near_a_doubling_the_square_of_the_split_grows_with_the_parameter(as_model):
     """A pitchfork: half the split squared, the parameter is a quarter as far."""
-    (point,) = vi.continue_orbit(first(2.6, form=form), "omega", (2.55, 2.7), step=0.1).special
+    (point,) = vi.continue_orbit(first(2.6, as_model=as_model), "omega", (2.55, 2.7), step=0.1).special
     far, near = (abs(vi.switch_branch(point, amplitude=a).value("omega") - point.value) for a in (2e-3, 1e-3))
     assert far / near == pytest.approx(4.0, rel=1e-2)
 
@@ -89,8 +89,8 @@ def test_doubled_orbits_are_those_of_the_oscillator():
 
 
 @pytest.mark.parametrize("omega", [1.1, 2.0, 3.0])
-def test_without_a_gap_no_branch_folds(form, omega):
-    orbit = first(omega, form=form)
+def test_without_a_gap_no_branch_folds(as_model, omega):
+    orbit = first(omega, as_model=as_model)
     restitution = next(name for name in orbit.model.values if name.endswith("restitution"))
     ranges = {"omega": (omega - 0.05, omega + 0.5), restitution: (0.1, 1.0), "damping": (0, 1)}
     for parameter, ends in ranges.items():
@@ -101,9 +101,9 @@ def test_without_a_gap_no_branch_folds(form, omega):
             assert (np.diff(branch.values) > 0).all()
 
 
-def test_a_branch_with_a_gap_turns_at_its_fold_where_the_two_roots_meet(form):
+def test_a_branch_with_a_gap_turns_at_its_fold_where_the_two_roots_meet(as_model):
     """The closed form's roots are one where g^2 = R^2 (1 + (alpha w / beta)^2)."""
-    model = form(vi.ImpactOscillator(omega=1.2, gap=3.0))
+    model = as_model(vi.ImpactOscillator(omega=1.2, gap=3.0))
     hit, grazed = vi.find_orbit(model)
     branch = vi.continue_orbit(hit, "omega", (1.0, 2.0), step=0.02)
     (fold,) = values_of(branch, "fold")
@@ -131,9 +131,9 @@ def test_three_impacts_fold_even_without_a_gap():
 # Grazes
 
 
-def test_one_impact_is_born_with_velocity_zero_where_the_free_motion_grazes(form):
+def test_one_impact_is_born_with_velocity_zero_where_the_free_motion_grazes(as_model):
     """The unstable orbit ends where the gap is the steady amplitude."""
-    orbit = vi.find_orbit(form(vi.ImpactOscillator(omega=1.2, gap=3.0)))[1]
+    orbit = vi.find_orbit(as_model(vi.ImpactOscillator(omega=1.2, gap=3.0)))[1]
     gap = next(name for name in orbit.model.values if name.endswith("gap"))
     branch = vi.continue_orbit(orbit, gap, (1.0, 4.0), step=0.02)
     grazes = special_points(branch, "grazing")
@@ -141,8 +141,10 @@ def test_one_impact_is_born_with_velocity_zero_where_the_free_motion_grazes(form
     assert grazes[0].orbit.velocities[0] == pytest.approx(0, abs=1e-12)
 
 
-def test_two_impacts_a_period_live_between_their_bifurcations(form):
-    branch = vi.continue_orbit(first(0.95, n_impacts=2, form=form), "omega", (0.8, 1.1), step=0.02, virtual=False)
+def test_two_impacts_a_period_live_between_their_bifurcations(as_model):
+    branch = vi.continue_orbit(
+        first(0.95, n_impacts=2, as_model=as_model), "omega", (0.8, 1.1), step=0.02, virtual=False
+    )
     stable = [orbit for orbit in branch.orbits if orbit.stable and orbit.admissible]
     for orbit in stable[:: max(1, len(stable) // 6)]:
         if min(abs(orbit.value("omega") - point.value) for point in branch.special) > 2e-3:
@@ -155,9 +157,11 @@ def test_two_impacts_a_period_live_between_their_bifurcations(form):
         assert inside != outside
 
 
-def test_where_one_impact_begins_to_graze_a_second_impact_is_born(form, values):
+def test_where_one_impact_begins_to_graze_a_second_impact_is_born(as_model, values):
     """At the graze the orbits with one and with two impacts a period are one, an impact without velocity."""
-    branch = vi.continue_orbit(first(0.95, n_impacts=2, form=form), "omega", (0.8, 1.1), step=0.05, virtual=False)
+    branch = vi.continue_orbit(
+        first(0.95, n_impacts=2, as_model=as_model), "omega", (0.8, 1.1), step=0.05, virtual=False
+    )
     (graze,) = special_points(branch, "grazing")
     known = values["grazing_w_of_n=1"][0]
     assert graze.value == pytest.approx(float(known["w"]), abs=1e-12)

@@ -75,10 +75,10 @@ def test_doublings_obey_the_closed_form_of_the_trace(curves, name):
             assert known == pytest.approx(-1 - (o.restitution * fade) ** 2, abs=1e-10)
 
 
-def test_the_curves_pass_through_the_values_known_with_50_digits(values, form):
+def test_the_curves_pass_through_the_values_known_with_50_digits(values, as_model):
     known = [float(point["w"]) for point in values["period_doubling_w_of_n=1"]]
     for w in known:
-        (orbit,) = vi.find_orbit(form(vi.ImpactOscillator(omega=w + 1e-3)))
+        (orbit,) = vi.find_orbit(as_model(vi.ImpactOscillator(omega=w + 1e-3)))
         restitution = next(name for name in orbit.model.values if name.endswith("restitution"))
         point = min(
             vi.continue_orbit(orbit, "omega", (w - 0.01, w + 0.01), step=0.1).special, key=lambda p: abs(p.value - w)

@@ -15,13 +15,13 @@ from vibroimpact.report import sentences_of
 pytestmark = pytest.mark.usefixtures("modal_engine")
 
 
-def first(omega=2.0, n_impacts=1, form=FORMS["one mass"], **changes):
-    return vi.find_orbit(form(vi.ImpactOscillator(omega=omega, **changes)), n_impacts=n_impacts)[0]
+def first(omega=2.0, n_impacts=1, as_model=FORMS["one mass"], **changes):
+    return vi.find_orbit(as_model(vi.ImpactOscillator(omega=omega, **changes)), n_impacts=n_impacts)[0]
 
 
 @pytest.fixture(scope="module")
-def along_omega(form):
-    return vi.continue_orbit(first(form=form), "omega", (0.9, 4.0), step=0.03)
+def along_omega(as_model):
+    return vi.continue_orbit(first(as_model=as_model), "omega", (0.9, 4.0), step=0.03)
 
 
 def values_of(branch, kind):
@@ -56,7 +56,7 @@ def test_the_graze_agrees_with_50_digits(values, along_omega):
 
 BRANCHES = {
     "one mass": lambda: vi.continue_orbit(first(), "omega", (0.9, 4.0), step=0.1),
-    "one mass as a system": lambda: vi.continue_orbit(first(form=one_mass), "omega", (0.9, 4.0), step=0.1),
+    "one mass as a system": lambda: vi.continue_orbit(first(as_model=one_mass), "omega", (0.9, 4.0), step=0.1),
     "a ball on a table": lambda: vi.continue_orbit(
         vi.find_orbit(ball.replace(amplitude=0.0285))[0], "amplitude", (0.02, 0.04), step=0.1
     ),
@@ -163,16 +163,16 @@ def test_special_points_do_not_depend_on_coordinates(how):
     assert [at for _, at in ours] == pytest.approx([at for _, at in theirs], rel=1e-10)
 
 
-def frequencies(form):
+def over_frequency(name):
     """Return an orbit whose branch over the angular frequency meets a special point, and those of that kind."""
-    if form == "between two stops":
+    if name == "between two stops":
         return symmetric_orbit(two_sided()), "pitchfork", (1.05, 2.1), 0.4
-    return first(2.6, form=FORMS[form]), "period_doubling", (2.5, 2.7), 0.1
+    return first(2.6, as_model=FORMS[name]), "period_doubling", (2.5, 2.7), 0.1
 
 
-@pytest.mark.parametrize("form", [*FORMS, "between two stops"])
-def test_a_frequency_in_hertz_and_steps_of_any_length_give_the_same_points(form, values):
-    orbit, kind, (low, high), step = frequencies(form)
+@pytest.mark.parametrize("name", [*FORMS, "between two stops"])
+def test_a_frequency_in_hertz_and_steps_of_any_length_give_the_same_points(name, values):
+    orbit, kind, (low, high), step = over_frequency(name)
     turn = 2 * math.pi
     fine = special_points(vi.continue_orbit(orbit, "omega", (low, high), step=0.05), kind)[0].value
     coarse = vi.continue_orbit(orbit, "frequency", (low / turn, high / turn), step=step)
@@ -184,8 +184,8 @@ def test_a_frequency_in_hertz_and_steps_of_any_length_give_the_same_points(form,
 # Where branches end
 
 
-def test_without_virtual_orbits_the_branch_ends_at_the_graze(form, values):
-    branch = vi.continue_orbit(first(1.4, form=form), "omega", (0.9, 1.5), step=0.05, virtual=False)
+def test_without_virtual_orbits_the_branch_ends_at_the_graze(as_model, values):
+    branch = vi.continue_orbit(first(1.4, as_model=as_model), "omega", (0.9, 1.5), step=0.05, virtual=False)
     assert branch.outcome == ("grazing", "range")
     assert "grazes the stop" in branch.message
     assert all(orbit.admissible for orbit in branch.orbits)
@@ -193,9 +193,9 @@ def test_without_virtual_orbits_the_branch_ends_at_the_graze(form, values):
     assert branch.values[-1] == 1.5
 
 
-def test_where_a_plastic_mass_is_held_the_branch_ends_at_one_value_whatever_the_steps(form):
+def test_where_a_plastic_mass_is_held_the_branch_ends_at_one_value_whatever_the_steps(as_model):
     """Without restitution the force may hold the mass after its impact: no condition along the branch changes there."""
-    orbit = first(2.6, form=form, restitution=0.0, damping=0.05)
+    orbit = first(2.6, as_model=as_model, restitution=0.0, damping=0.05)
     branches = [vi.continue_orbit(orbit, "omega", (0.5, 4.0), step=step, virtual=False) for step in (0.01, 0.017, 0.04)]
     assert {branch.outcome for branch in branches} == {("inadmissible", "range")}
     ends = [branch.values[0] for branch in branches]
@@ -234,29 +234,29 @@ def test_a_branch_that_loses_its_last_contact_ends_where_the_steady_motion_touch
         assert f"omega = {low:.12g} rad/s, where it grazes the stop" in branch.message
 
 
-def test_a_branch_reaches_the_limits_of_restitution_and_damping(form):
-    orbit = first(2.5, form=form)
+def test_a_branch_reaches_the_limits_of_restitution_and_damping(as_model):
+    orbit = first(2.5, as_model=as_model)
     restitution = next(name for name in orbit.model.values if name.endswith("restitution"))
     branch = vi.continue_orbit(orbit, restitution, (0.0, 1.0), step=0.05)
     assert (branch.values[0], branch.values[-1]) == (0.0, 1.0)
     assert branch.orbits[0].determinant == 0.0
     assert branch.orbits[-1].determinant == pytest.approx(math.exp(-0.01 * 2 * math.pi / 2.5), rel=1e-14)
-    branch = vi.continue_orbit(damped(form), "damping", (0.0, 0.1), step=0.1)
+    branch = vi.continue_orbit(damped(as_model), "damping", (0.0, 0.1), step=0.1)
     assert branch.orbits[0].determinant == pytest.approx(0.64, rel=1e-14)
 
 
-def damped(form):
+def damped(as_model):
     """Return the orbit of a family whose parameters are damping and frequency."""
 
     @vi.family
     def model(damping=0.01, omega=2.5):
-        return form(vi.ImpactOscillator(omega=omega, damping=damping))
+        return as_model(vi.ImpactOscillator(omega=omega, damping=damping))
 
     return vi.find_orbit(model)[0]
 
 
-def test_a_branch_through_undamped_resonance_is_smooth(form):
-    branch = vi.continue_orbit(first(1.5, form=form, damping=0.0), "omega", (0.95, 1.6), step=0.05)
+def test_a_branch_through_undamped_resonance_is_smooth(as_model):
+    branch = vi.continue_orbit(first(1.5, as_model=as_model, damping=0.0), "omega", (0.95, 1.6), step=0.05)
     at_resonance = min(branch.orbits, key=lambda orbit: abs(orbit.value("omega") - 1.0))
     expected = math.pi / 1.8
     assert at_resonance.velocities[0] == pytest.approx(expected, rel=0.2)
@@ -293,10 +293,10 @@ def test_a_branch_along_a_familys_parameter_meets_the_same_bifurcation_as_the_ti
         vi.continue_orbit(orbit, "omega", (1.0, 2.0))
 
 
-def test_a_branch_ends_where_a_family_makes_no_model_any_more(form):
+def test_a_branch_ends_where_a_family_makes_no_model_any_more(as_model):
     @vi.family
     def clamp(squeeze=0.2, omega=2.0):
-        return form(vi.ImpactOscillator(omega=omega, restitution=1.0 - squeeze))
+        return as_model(vi.ImpactOscillator(omega=omega, restitution=1.0 - squeeze))
 
     (orbit,) = vi.find_orbit(clamp)
     branch = vi.continue_orbit(orbit, "squeeze", (0.1, 1.5), step=0.05)
@@ -321,10 +321,13 @@ def test_the_dataset_is_labelled(along_omega):
     assert [meanings[int(kind)] for kind in data["special_kind"]] == [point.kind for point in along_omega.special]
 
 
-def test_orbits_of_a_branch_may_be_stopped_on_request(form):
+def test_orbits_of_a_branch_may_be_stopped_on_request(as_model):
     news = []
     branch = vi.continue_orbit(
-        first(form=form), "omega", (1.5, 4.0), progress=lambda done, total, partial: news.append(done) or len(news) < 5
+        first(as_model=as_model),
+        "omega",
+        (1.5, 4.0),
+        progress=lambda done, total, partial: news.append(done) or len(news) < 5,
     )
     assert branch.outcome == ("stopped", "stopped")
     assert 5 <= len(branch.orbits) <= 12
@@ -340,9 +343,9 @@ def test_orbits_of_a_branch_may_be_stopped_on_request(form):
         (("omega", (0, 3)), "`omega` must be .* > 0, got 0"),
     ],
 )
-def test_a_wrong_request_is_refused_by_name(form, arguments, named):
+def test_a_wrong_request_is_refused_by_name(as_model, arguments, named):
     with pytest.raises(ValueError, match=named):
-        vi.continue_orbit(first(form=form), *arguments)
+        vi.continue_orbit(first(as_model=as_model), *arguments)
 
 
 def test_a_parameter_without_bounds_of_its_own_is_refused_where_no_mass_is():
@@ -350,15 +353,15 @@ def test_a_parameter_without_bounds_of_its_own_is_refused_where_no_mass_is():
         vi.continue_orbit(first(), "mass", (0, 3))
 
 
-def test_what_is_no_orbit_is_refused(form):
+def test_what_is_no_orbit_is_refused(as_model):
     with pytest.raises(ValueError, match="`orbit` must be .*, got 3"):
         vi.continue_orbit(3, "omega", (1, 3))
     with pytest.raises(ValueError, match="`step` must be .*, got 2"):
-        vi.continue_orbit(first(form=form), "omega", (1, 3), step=2)
+        vi.continue_orbit(first(as_model=as_model), "omega", (1, 3), step=2)
     wrong = vi.Orbit(vi.ImpactOscillator(), 1, 1, (3.0,), (0.1,), (0j, 0j))
     with pytest.raises(ValueError, match="`orbit` is not periodic"):
         vi.continue_orbit(wrong, "omega", (1, 3))
-    folded = vi.continue_orbit(first(1.6, form=form, gap=3.0), "omega", (1.5, 2)).special[0]
+    folded = vi.continue_orbit(first(1.6, as_model=as_model, gap=3.0), "omega", (1.5, 2)).special[0]
     with pytest.raises(ValueError, match="`point` must be .*, got 'fold'"):
         vi.switch_branch(folded)
 
