@@ -42,7 +42,7 @@ check: .venv/.has-tests .venv/.has-checks
 	$(BIN)/lint-imports
 	rm -rf $(PAGES)
 	$(BIN)/sphinx-build -W --keep-going --quiet -b html -D plot_gallery=0 -D nb_execution_mode=off docs docs/_build/check
-	$(BIN)/python -m pytest --quiet tests/test_docs_built.py
+	$(BIN)/python -m pytest --quiet tests/project/test_docs_built.py
 
 # A fresh environment in build/, resolved anew; what it holds is printed before the tests that meet most dependencies.
 check-oldest: EDGE = python3.11 --resolution lowest-direct
@@ -53,12 +53,12 @@ check-oldest check-newest: .venv/.has-tests .venv/.has-checks
 	$(BIN)/uv venv --quiet --clear --no-python-downloads --python $(firstword $(EDGE)) build/$@
 	$(BIN)/uv pip install --quiet --python build/$@ $(wordlist 2,9,$(EDGE)) --editable '.[test,cluster,web]'
 	$(BIN)/uv pip list --python build/$@
-	NUMBA_CACHE_DIR=$(CURDIR)/build/$@/numba build/$@/bin/python -m pytest -n auto --dist worksteal $(WARNINGS) $(TELLING:%=tests/test_%.py)
+	NUMBA_CACHE_DIR=$(CURDIR)/build/$@/numba build/$@/bin/python -m pytest -n auto --dist worksteal $(WARNINGS) $(TELLING:%=tests/*/test_%.py)
 
 fuzz: .venv/.has-tests
-	FUZZ=40 $(BIN)/python -m pytest -n auto tests/test_fuzz.py tests/test_hostile_files.py tests/test_advice.py \
-	  tests/test_random_systems.py tests/test_compliant_orbits.py tests/test_scaling.py tests/test_agreement.py \
-	  tests/test_endings.py
+	FUZZ=40 $(BIN)/python -m pytest -n auto tests/*/test_fuzz.py tests/*/test_hostile_files.py tests/*/test_advice.py \
+	  tests/*/test_random_systems.py tests/*/test_compliant_orbits.py tests/*/test_scaling.py tests/*/test_agreement.py \
+	  tests/*/test_endings.py
 
 bench: export PYTHONDONTWRITEBYTECODE =
 bench: .venv/.has-tests .venv/.has-benchmarks

@@ -20,7 +20,7 @@ def here(name):
     return True
 
 
-# Without a GPU `cuda` is held to this by tests/test_cuda.py, in the simulator.
+# Without a GPU `cuda` is held to this by tests/engine/test_cuda.py, in the simulator.
 ALL = tuple(name for name in BACKENDS if here(name))
 EXACT = tuple(name for name in ALL if get_backend(name).known_indices == set(INDICES))
 OSC = vi.ImpactOscillator(omega=2.0)

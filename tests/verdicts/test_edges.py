@@ -9,7 +9,7 @@ import pytest
 import vibroimpact as vi
 from designs import random_designs
 from systems import random_pair
-from verdicts import text_of
+from texts import text_of
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence.measuring import Runner, cells_of, orbit_cells, spread_cells
 from vibroimpact.motion import MotionClass

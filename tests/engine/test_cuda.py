@@ -62,7 +62,7 @@ def test_the_contract_holds_in_the_simulator():
         env=os.environ | {"NUMBA_ENABLE_CUDASIM": "1"},
         capture_output=True,
         text=True,
-        cwd=HERE.parent,
+        cwd=HERE.parents[1],
     )
     assert child.returncode == 0, child.stdout + child.stderr
     passed = re.search(r"(\d+) passed", child.stdout)
@@ -123,7 +123,7 @@ def test_tiles_that_begin_together_load_the_kernels_once():
         "omega=np.linspace(0.05, 5.0, 512), restitution=np.linspace(0.5, 0.95, 128))"
     )
     for _ in range(4):  # the first may compile, the others load
-        child = subprocess.run([sys.executable, "-c", map_of_many], capture_output=True, text=True, cwd=HERE.parent)
+        child = subprocess.run([sys.executable, "-c", map_of_many], capture_output=True, text=True, cwd=HERE.parents[1])
         assert child.returncode == 0, child.stderr
 
 

@@ -11,7 +11,7 @@ import vibroimpact as vi
 from designs import RARE
 from differences import derivative
 from systems import THREE, TWINS, changed, linear, one_mass, random_pair, sticking, two_sided
-from verdicts import line, numbers, text_of
+from texts import line, numbers, text_of
 from vibroimpact.backends import get_backend
 from vibroimpact.backends.reference.systems import follow
 from vibroimpact.indices import INDICES

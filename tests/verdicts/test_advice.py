@@ -10,7 +10,7 @@ import pytest
 import vibroimpact as vi
 from designs import random_designs
 from systems import STEEL, changed, on_springs, one_mass, pushed, pushed_pair, random_pair
-from verdicts import hardest_hit, text_of
+from texts import hardest_hit, text_of
 from vibroimpact import models
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow
 from vibroimpact.coexistence.measuring import Runner

@@ -11,7 +11,7 @@ import pytest
 import vibroimpact as vi
 from designs import RESTS, TRANSIENTS
 from systems import THREE, one_mass, random_pair, two_sided
-from verdicts import line, text_of
+from texts import line, text_of
 from vibroimpact.verdict import Advice, Comparison, Edge
 
 # The mass rests at the stop again and again, and rounding decides when that ends; it does after some 1e4 impacts.

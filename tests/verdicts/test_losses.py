@@ -8,7 +8,7 @@ import pytest
 import vibroimpact as vi
 from systems import THREE, TWINS, free_pair, one_mass
 from systems import system as of
-from verdicts import text_of
+from texts import text_of
 from vibroimpact.coexistence.losses import lasting_stops
 from vibroimpact.report import sentences_of
 

@@ -11,7 +11,7 @@ import pytest
 import vibroimpact as vi
 from designs import shaker
 from systems import one_mass, two_sided
-from verdicts import edge, hardest_hit, line, text_of
+from texts import edge, hardest_hit, line, text_of
 from vibroimpact.indices import INDICES
 from vibroimpact.report import sentences_of
 from vibroimpact.verdict import Comparison

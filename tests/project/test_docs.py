@@ -245,7 +245,7 @@ def source_of(path):
     return (ROOT / "examples" / path.resolve().relative_to(gallery)).with_suffix(".py")
 
 
-@pytest.mark.parametrize("name", re.findall(r"tests/\w+\.py", "".join(page.read_text() for page in PAGES)))
+@pytest.mark.parametrize("name", re.findall(r"tests/[\w/]+\.py", "".join(page.read_text() for page in PAGES)))
 def test_a_test_that_a_page_names_is_there(name):
     assert (ROOT / name).is_file()
 

@@ -6,7 +6,7 @@ import pytest
 import vibroimpact as vi
 from designs import random_oscillator
 from systems import on_springs, pushed, pushed_pair, two_sided
-from verdicts import edge, text_of
+from texts import edge, text_of
 from vibroimpact.verdict.ranges import range_of
 
 END_OF_STICKING = 0.34718041326569626  # of the default oscillator, rad/s

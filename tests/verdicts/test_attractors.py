@@ -10,7 +10,7 @@ import vibroimpact as vi
 from contents import names_of_starts
 from designs import RESTS, TRANSIENTS, random_oscillator
 from systems import THREE, TWINS, random_pair, two_sided
-from verdicts import text_of
+from texts import text_of
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.coexistence import Attractor, settling
 from vibroimpact.coexistence.measuring import Runner, spread_cells

@@ -11,7 +11,7 @@ import pytest
 from vibroimpact.backends.reference.stops import RigidStop
 from vibroimpact.backends.reference.systems import LinearSystem, follow
 
-RECORDED = json.loads((Path(__file__).parent / "data" / "siconos.json").read_text())["systems"]  # by tests/oracles
+RECORDED = json.loads((Path(__file__).parents[1] / "data" / "siconos.json").read_text())["systems"]  # by tests/oracles
 NUDGE = 1e-9  # of the velocity at the start, to see how errors grow
 
 
