@@ -282,6 +282,7 @@ class Pulse:
     def __exit__(self, *_: object) -> None:
         self._ended.set()
         self.make_way()
+        Pulse.latest = None
         sys.stdout, sys.stderr = self._streams
 
     def make_way(self, text: str = "") -> None:

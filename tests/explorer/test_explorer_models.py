@@ -154,7 +154,9 @@ def test_lattices_hold_the_coarser_ones_also_those_of_systems():
 
 
 @pytest.mark.long
-def test_a_system_is_explored_with_its_pins_diagram_and_undo(heard):
+def test_a_system_is_explored_with_its_pins_diagram_and_undo(heard, monkeypatch):
+    """Within the usual limit of a plane: all of this one takes a minute, many on a busy machine."""
+    monkeypatch.setattr("vibroimpact.explorer.work.PLANE_SECONDS", 30.0)
     view = replace(of("two_sided_oscillator"), samples=200)
     explorer = Explorer(view, listener=heard.extend)
     explorer.start()

@@ -133,6 +133,7 @@ def test_a_passing_line_goes_on_after_whole_lines_and_leaves_alone_what_others_w
         progress.wait_for_others()
         assert pulse.waits_for == ""
     assert stream.getvalue().endswith("\r")
+    assert progress.Pulse.latest is None  # what is called in this process later on shows its own progress
 
 
 class Terminal(io.StringIO):
@@ -157,7 +158,6 @@ def said(monkeypatch):
     """Run a call on a terminal, without patience; return the lines that passed."""
 
     def of(call, stream=None):
-        monkeypatch.setattr(progress.Pulse, "latest", None)
         monkeypatch.setattr(progress, "PULSE", 1e-4)
         monkeypatch.setattr(compiling, "SILENT", 0.0)
         stream = stream or Terminal()
