@@ -4,20 +4,13 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from branching import first, specials, values_of
 from contents import special_points
-from systems import FORMS, chain, impact_damper, one_mass, symmetric_orbit
+from systems import chain, impact_damper, one_mass, symmetric_orbit
 from vibroimpact.continuation import follow_all
 from vibroimpact.orbits import orbit_distance
 
 pytestmark = pytest.mark.usefixtures("modal_engine")
-
-
-def first(omega=2.0, n_impacts=1, as_model=FORMS["one mass"], **changes):
-    return vi.find_orbit(as_model(vi.ImpactOscillator(omega=omega, **changes)), n_impacts=n_impacts)[0]
-
-
-def values_of(branch, kind):
-    return [point.value for point in special_points(branch, kind)]
 
 
 @pytest.fixture(scope="module")
@@ -70,10 +63,6 @@ def test_near_a_doubling_the_square_of_the_split_grows_with_the_parameter(as_mod
     (point,) = vi.continue_orbit(first(2.6, as_model=as_model), "omega", (2.55, 2.7), step=0.1).special
     far, near = (abs(vi.switch_branch(point, amplitude=a).value("omega") - point.value) for a in (2e-3, 1e-3))
     assert far / near == pytest.approx(4.0, rel=1e-2)
-
-
-def specials(branch):
-    return sorted((point.kind, point.value) for point in branch.special)
 
 
 def test_doubled_orbits_are_those_of_the_oscillator():

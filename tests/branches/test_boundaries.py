@@ -23,7 +23,6 @@ PLANES = {  # the second axis of the paper's maps; omega is the first
 }
 OMEGA = (0.025, 5.0)
 IMPACTING = ("fold", "period_doubling", "grazing")
-OSC = vi.ImpactOscillator()
 
 
 @pytest.fixture(scope="module")

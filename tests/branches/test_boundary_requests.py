@@ -5,6 +5,7 @@ import pytest
 
 import vibroimpact as vi
 from balls import ball
+from branching import shaker
 from contents import special_points
 from systems import one_mass
 from vibroimpact.continuation import BifurcationPoint, curves_through
@@ -142,21 +143,6 @@ def test_what_was_looked_for_is_said(name):
     model, names, ranges, kinds, words = SOUGHT[name]
     found = vi.boundary_curves(model, names, ranges, n_periods=(1,), kinds=kinds, lines=2, step=0.2)
     assert found.message == f"{words}; other motions end elsewhere"
-
-
-@vi.family(units={"rpm": "1/min", "clearance_mm": "mm"})
-def shaker(unbalance=0.002, rpm=1500.0, clearance_mm=0.5):
-    """Tied parameters: the force of an unbalance grows with the square of the speed."""
-    omega = rpm * 2 * np.pi / 60
-    return vi.ImpactOscillator(
-        mass=2.0,
-        stiffness=45000.0,
-        damping_ratio=0.05,
-        amplitude=unbalance * omega**2,
-        omega=omega,
-        gap=clearance_mm / 1e3,
-        restitution=0.7,
-    )
 
 
 # Families

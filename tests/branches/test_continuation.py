@@ -7,6 +7,7 @@ import pytest
 
 import vibroimpact as vi
 from balls import GRAVITY, ball, of_the_ball
+from branching import first, shaker, specials, values_of
 from contents import special_points
 from systems import FORMS, bouncing_ball, chain, changed, one_mass, symmetric_orbit, two_sided
 from vibroimpact.orbits import orbit_distance
@@ -15,21 +16,9 @@ from vibroimpact.report import sentences_of
 pytestmark = pytest.mark.usefixtures("modal_engine")
 
 
-def first(omega=2.0, n_impacts=1, as_model=FORMS["one mass"], **changes):
-    return vi.find_orbit(as_model(vi.ImpactOscillator(omega=omega, **changes)), n_impacts=n_impacts)[0]
-
-
 @pytest.fixture(scope="module")
 def along_omega(as_model):
     return vi.continue_orbit(first(as_model=as_model), "omega", (0.9, 4.0), step=0.03)
-
-
-def values_of(branch, kind):
-    return [point.value for point in special_points(branch, kind)]
-
-
-def specials(branch):
-    return sorted((point.kind, point.value) for point in branch.special)
 
 
 # Values of 50 digits, and closed forms
@@ -261,21 +250,6 @@ def test_a_branch_through_undamped_resonance_is_smooth(as_model):
     expected = math.pi / 1.8
     assert at_resonance.velocities[0] == pytest.approx(expected, rel=0.2)
     assert branch.outcome == ("range", "range")
-
-
-@vi.family(units={"rpm": "1/min", "clearance_mm": "mm"})
-def shaker(unbalance=0.002, rpm=1500.0, clearance_mm=0.5):
-    """Tied parameters: the force of an unbalance grows with the square of the speed."""
-    omega = rpm * 2 * np.pi / 60
-    return vi.ImpactOscillator(
-        mass=2.0,
-        stiffness=45000.0,
-        damping_ratio=0.05,
-        amplitude=unbalance * omega**2,
-        omega=omega,
-        gap=clearance_mm / 1e3,
-        restitution=0.7,
-    )
 
 
 def test_a_branch_along_a_familys_parameter_meets_the_same_bifurcation_as_the_tied_oscillators():

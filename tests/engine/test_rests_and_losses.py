@@ -10,7 +10,6 @@ from systems import one_mass, system
 
 OSC = vi.ImpactOscillator()
 FAR = vi.State(-1.0)
-CHAOS = vi.ImpactOscillator(omega=2.8)
 
 
 # Of systems a rest's indices are averages over the window, and names need repetition alone.

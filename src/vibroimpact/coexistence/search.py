@@ -192,7 +192,7 @@ def from_rest(runner: Runner, system: ImpactSystem) -> tuple[Attractor | None, M
     n, p, phases = attractor.n_periods, attractor.n_impacts, np.array(attractor.phases)
     if measured.motion_class.hits:
         (again,) = runner.measure(carried(system, attractor.start), windows[-1], names=tuple(INDICES))
-        indices = {name: measured.indices.get(name, value) for name, value in again.indices.items()}
+        indices |= {name: value for name, value in again.indices.items() if name not in measured.indices}
     indices |= {name: float(getattr(attractor, name)) for name in STATISTICS}
     if phases.size:
         rate = len(phases) / n

@@ -45,7 +45,7 @@ class OneMassSearch(Search):
         if symmetric:
             return Orbits(outcome="none", message="not symmetric: one stop has no mirror image")
         osc, cycle = self.design, Cycle(n_periods, n_impacts if stops is None else len(stops))
-        times = stops is not None and not guess.none and guess.orbit is None and guess.state is None
+        times = stops is not None and guess.only_numbers
         impact = None if times else impact_of(osc, guess)
         if cycle.n_impacts == -1:
             from vibroimpact.orbits.sticking import find_sticking_orbit, why_none  # slower to import

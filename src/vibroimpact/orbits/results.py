@@ -137,6 +137,11 @@ class Guess:
         return self.near is None
 
     @property
+    def only_numbers(self) -> bool:
+        """Whether numbers were given: a phase and a velocity, or times."""
+        return self.near is not None and self.state is None
+
+    @property
     def only_state(self) -> bool:
         """Whether only a state was given, without an orbit."""
         return self.state is not None and self.orbit is None

@@ -68,7 +68,7 @@ class SystemSearch(Search):
             guess = Guess.of(guess.state)  # an orbit of one mass gives no more than a state of a system
         if symmetric or stops is not None:
             return self.striking(n_periods, stops, guess, symmetric=symmetric)
-        if guess.state is None and not guess.none:
+        if guess.only_numbers:
             raise invalid("near", guess.near, "an orbit or an attractor of a system, or a State")
         if n_impacts == -1:
             return find_sticking(self.model, n_periods, guess)
