@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from systems import a_random_system, sticking
 from vibroimpact import report
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.coexistence.final import final_motion
@@ -20,6 +21,7 @@ from vibroimpact.coexistence.measuring import Runner
 from vibroimpact.explorer.point import compute_point
 from vibroimpact.explorer.state import View
 from vibroimpact.motion import MotionClass, decide, motion_name, refined
+from vibroimpact.orbits.distance import orbit_distance
 from vibroimpact.refinement.picture import motion_codes
 
 SAMPLES = {"transient_impacts": 500, "sample_impacts": 500}
@@ -169,3 +171,52 @@ def test_the_command_line_says_the_maps_word_for_a_map_and_for_a_section(oscilla
         assert f"100 % {name}" in [line.strip() for line in report.sentences_of(cell)]
     sections = [vi.impact_section(osc, **SAMPLES) for osc in oscillators]
     agree(names, [re.split("[,:;]", report.sentences_of(section)[0].split(": ", 1)[1])[0] for section in sections])
+
+
+def without_rebound(seed):
+    """Return a random system whose stops take all speed; None if they leave no room, or impacts cease or come close."""
+    rng = np.random.default_rng([40, seed])
+    number = int(rng.integers(1, 4))
+    model = a_random_system(rng, number, 1 if number == 1 else int(rng.integers(1, 3)))  # two may leave no room later
+    for stop in model.stops:
+        gap = float(rng.choice([0.0, stop.gap]))
+        model = model.replace(**{f"{stop.name}_restitution": 0.0, f"{stop.name}_gap": gap})
+    try:
+        section = vi.impact_section(model, transient_impacts=500, sample_impacts=500)
+    except ValueError:
+        return None
+    waits = np.diff(section["time"].values) / model.period
+    distinct = section["status"] <= vi.Status.SHORT_WINDOW and waits.min() > 1e-6
+    return (model, section) if distinct else None
+
+
+@pytest.mark.long
+def test_a_motion_that_rests_has_the_same_name_in_a_section_a_sentence_and_as_an_orbit():
+    """Whether the rest erases all memory (one mass; all masses at once) or not, and for one without rests."""
+    kinds = []
+    for seed in range(100):
+        if (found := without_rebound(seed)) is None:
+            continue
+        model, section = found
+        motion = vi.recognise(section)
+        if not motion.n_periods or motion.n_impacts > 60:
+            continue
+        (orbit,) = vi.find_orbit(model, near=section)
+        assert orbit.name == motion.name, seed
+        assert report.motion_of(section).startswith(motion.name), seed
+        kinds.append((motion.kind, orbit.sticks))
+    assert {("periodic", True), ("periodic", False), ("sticking", True)} == set(kinds)
+    assert len(kinds) > 40
+
+
+def test_a_rest_that_another_coordinate_remembers_is_told_beside_the_number_of_impacts():
+    model = sticking()
+    (found,) = vi.attractors(model)
+    (orbit,) = vi.find_orbit(model, n_impacts=5)
+    verdict = vi.describe(model, parameters=[])
+    assert found.name == found.orbit.name == orbit.name == verdict.motion.name == "period-1 impact-5"
+    assert orbit.sticks
+    assert orbit_distance(orbit, found.orbit) < 1e-9
+    assert vi.find_orbit(model, n_impacts=-1)[0].name == orbit.name
+    assert "44.9 % of the time at rest at a stop" in str(verdict)
+    assert orbit.stuck_time / model.period == pytest.approx(0.449391, abs=1e-6)

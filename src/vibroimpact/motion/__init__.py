@@ -143,9 +143,9 @@ def motion_name(kind: int, n_periods: int = 0, n_impacts: int = 0) -> str:
     return kind.label
 
 
-def cycle_name(n_periods: int, n_impacts: int, sticks: bool = False) -> str:
-    """Return the name of an orbit of n periods and p impacts; -1 impacts means sticking."""
-    kind = MotionClass.STICKING if sticks or n_impacts == -1 else MotionClass.PERIODIC
+def cycle_name(n_periods: int, n_impacts: int, forgets: bool = False) -> str:
+    """Return the name of an orbit of n periods and p impacts; p = -1, or a rest that erases all memory, is sticking."""
+    kind = MotionClass.STICKING if forgets or n_impacts == -1 else MotionClass.PERIODIC
     return motion_name(kind, n_periods, n_impacts)
 
 

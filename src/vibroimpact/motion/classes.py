@@ -29,7 +29,8 @@ def classify(sweep: xr.Dataset) -> xr.Dataset:
        :math:`\lambda = -\infty`, or complete chatter (`n_impacts` = -1). With `n_periods` = 0 it is intermittent:
        perturbations grow by more than 1e13 between two rests, and double precision does not resolve when the next one
        comes;
-    4. *periodic*: a cycle of another kind was found;
+    4. *periodic*: a cycle of another kind was found. With several coordinates this includes cycles that rest at a stop
+       with r = 0, without a chatter, while another coordinate remembers: they have a number of impacts;
     5. *chaotic*: no cycle, and over the N sampled impacts perturbations grow so much that the last binary digit of the
        initial condition reaches the size of the motion,
 

@@ -279,7 +279,7 @@ class Orbit(Shown):
     @property
     def name(self) -> str:
         """The motion in two or three words."""
-        return cycle_name(self.n_periods, self.n_impacts, self.sticks)
+        return cycle_name(self.n_periods, self.n_impacts, self.sticks and not any(self.multipliers))
 
     @property
     def _kind(self) -> str:

@@ -152,14 +152,19 @@ def _cycle_of_impacts(orbit: xr.Dataset) -> Iterator[str]:
         yield f"   {'hits at' if first == 0 else '       '} {', '.join(parts[first : first + PER_LINE])}{comma}"
 
 
-def _multipliers(orbit: xr.Dataset) -> str:
+def _multipliers_of(orbit: xr.Dataset) -> list[complex]:
     if "multiplier" in orbit.dims:
-        values = orbit["multiplier_real"].values + 1j * orbit["multiplier_imag"].values
-        return f"{len(values)}, the largest {_multiplier(values[0])}"
-    (a, b), (c, d) = ([float(orbit[f"multiplier_{i}_{part}"]) for part in ("real", "imag")] for i in (1, 2))
-    if not any((a, b, c, d)):
+        return list(orbit["multiplier_real"].values + 1j * orbit["multiplier_imag"].values)
+    return [complex(*(orbit[f"multiplier_{i}_{part}"] for part in ("real", "imag"))) for i in (1, 2)]
+
+
+def _multipliers(orbit: xr.Dataset) -> str:
+    first, *_, last = values = _multipliers_of(orbit)
+    if "multiplier" in orbit.dims:
+        return f"{len(values)}, the largest {_multiplier(first)}"
+    if not any(values):
         return "0 and 0: a rest at the stop erases all memory"
-    return _multiplier(complex(a, b)) if b else f"{a:.6g} and {c:.6g}"
+    return _multiplier(first) if first.imag else f"{first.real:.6g} and {last.real:.6g}"
 
 
 def _multiplier(value: complex) -> str:
@@ -171,7 +176,7 @@ def _multiplier(value: complex) -> str:
 def _orbit_type(part: xr.Dataset) -> str:
     """Return the type of an orbit."""
     n, p = (int(part[key]) for key in ("n_periods", "n_impacts"))
-    return cycle_name(n, p, sticks=float(part.get("stuck_time", 0.0)) > 0.0)
+    return cycle_name(n, p, float(part.get("stuck_time", 0.0)) > 0.0 and not any(_multipliers_of(part)))
 
 
 def _branches(dataset: xr.Dataset) -> Iterator[str]:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.coexistence.losses import driven
-from vibroimpact.motion import cycle_name, listed
-from vibroimpact.motion.recognition import recurrence, system_cycle
+from vibroimpact.motion import listed
+from vibroimpact.motion.recognition import recognise, recurrence
 from vibroimpact.parameters import counted, times
 from vibroimpact.report.quantities import quantity
 from vibroimpact.status import Status
@@ -25,22 +25,20 @@ STILL = 1e-9  # of the largest coordinate: a smaller motion is rounding
 
 def system_sentence(section: xr.Dataset, system: ImpactSystem) -> str:
     """Return a sentence on whether the impacts of a system repeat, from its impact section."""
-    status, speed = Status(int(section["status"])), section["velocity"].values
-    if not status.has_indices:
-        return status.sentence
+    filled, speed = Status(int(section["status"])).has_indices, section["velocity"].values
     names, codes = np.unique(section["stop"].values, return_inverse=True)
-    period, time = system.period, section["time"].values
-    n, p = system_cycle(section, period)
-    if not driven(system.modal()):
+    if filled and not driven(system.modal()):
+        time = section["time"].values
         p = recurrence(speed[1:], np.diff(time), codes[1:].astype(float))
         every = f"every {quantity(time[-1] - time[-1 - p], 's', 4)}; nothing drives them"
         return f"{_listed(speed[-p:], codes[-p:], names)} {every}" if p else "the sampled impacts do not repeat"
-    if not n:
-        return "the sampled impacts do not repeat"
-    if section.sizes.get("stick", 0):
-        closed = listed(sorted(set(section["stick_stop"].values.tolist())))
-        return f"{cycle_name(n, p, sticks=True)}, closes {closed}, hardest hit {speed[-p:].max():.3g} m/s"
-    return f"{cycle_name(n, p)}, {_listed(speed[-p:], codes[-p:], names)} every {n * period:.3g} s"
+    motion, closed = recognise(section), sorted(set(section["stick_stop"].values.tolist()))
+    if not motion.n_periods:
+        return motion.sentence(system.period)
+    if closed:
+        return f"{motion.name}, closes {listed(closed)}, hardest hit {max(motion.velocities):.3g} m/s"
+    p = motion.n_impacts
+    return f"{motion.name}, {_listed(speed[-p:], codes[-p:], names)} every {motion.n_periods * system.period:.3g} s"
 
 
 def _listed(speed: Any, cycle: Any, names: Any) -> str:

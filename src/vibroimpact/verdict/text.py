@@ -188,7 +188,7 @@ def _energy(verdict: Verdict) -> Iterator[str]:
 
 def _rest(verdict: Verdict) -> Iterator[str]:
     share = verdict.indices["stick_fraction"]
-    if verdict.kind == "sticking" and math.isfinite(share):
+    if share > 0.0:
         article = "a" if len(verdict.oscillator.stops) > 1 else "the"
         yield f"{100.0 * share:.3g} % of the time at rest at {article} stop"
 

@@ -12,7 +12,7 @@ from vibroimpact.cells import Floats
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.cycle import Cycle, Leg
 from vibroimpact.orbits.equations import STRIDE, TURN
-from vibroimpact.orbits.events import PUSH_AGAIN
+from vibroimpact.orbits.events import PUSH_AGAIN, Pushing
 from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.systems.sampling import Samples, evenly, places_of, pulls, sampled, turning_points
 
@@ -48,7 +48,7 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
             turns = places * STRIDE / TURN
             return f"the flight after impact {number} takes {turns:.2g} periods of the fastest mode and was not checked"
         after, drive = np.split(leg.start, [2 * flow.n])
-        if flow.restitution[event.stop] == 0.0 and flow.clearance(event.stop, after, drive, leg.pushing)[2] < 0.0:
+        if comes_to_rest(flow, event.stop, after, drive, leg.pushing):
             return f"after impact {number} the system comes to rest at {names[event.stop]!r}"
         ends = cycle.together(unknown, i), cycle.together(unknown, i + 1)
         penetration = _first_beyond(*flown(cycle, unknown, i), *ends)
@@ -62,6 +62,11 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
             how = "touch {} too early, {:.3g} m deep" if flow.compliant[other] else "penetrate {}, by {:.3g} m"
             return f"after impact {number} it would {how.format(repr(names[other]), depth)} at phase {phase:.6g}"
     return ""
+
+
+def comes_to_rest(flow: Flow, stop: int, after: Floats, drive: Floats, pushing: Pushing) -> bool:
+    """Return whether a state after an impact remains at the stop, which takes all speed, as it is pressed on it."""
+    return bool(flow.restitution[stop] == 0.0 and flow.clearance(stop, after, drive, pushing)[2] < 0.0)
 
 
 def far_beyond(cycle: Cycle, unknown: Floats) -> bool:

@@ -15,7 +15,7 @@ from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.events import IMPACT, LET_GO, PUSH_AGAIN, Event, Pushing
 from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.results import Guess
-from vibroimpact.orbits.systems.admissibility import courses
+from vibroimpact.orbits.systems.admissibility import comes_to_rest, courses
 from vibroimpact.orbits.systems.sampling import stages
 from vibroimpact.parameters import invalid, real_number, several
 
@@ -105,7 +105,7 @@ def traced(flow: Flow, n_periods: int, state: Any, stops: tuple[int, ...] | int)
 
 
 def occurrences(flow: Flow, x: Floats, angle: float, last: float) -> Iterator[Occurrence]:
-    """Yield the events of the motion from a state at an angle, up to another angle, at most `MOST_EVENTS`."""
+    """Yield the events of the motion from a state at an angle, up to another angle or a rest, at most `MOST_EVENTS`."""
     pushing, last_stop, number = flow.pressed(x, flow.drive(angle)), -1, 0
     age = 0.0  # since the last event
     while angle <= last and number <= MOST_EVENTS:
@@ -121,12 +121,14 @@ def occurrences(flow: Flow, x: Floats, angle: float, last: float) -> Iterator[Oc
         event, x, angle, number = occurrence.event, occurrence.x, occurrence.angle, number + 1
         x, last_stop = flow.struck(event.stop, x, flow.drive(angle)), event.stop
         pushing = flow.after(event, pushing)
+        if comes_to_rest(flow, event.stop, x, flow.drive(angle), pushing):
+            return
 
 
 def _next(leg: Leg, angle: float, last_stop: int) -> Occurrence | None:
     """Return the first event in a leg that begins at an angle; the last event was on `last_stop`."""
     flow, pushing, first, stop = leg.flow, leg.pushing, leg.duration, None
-    for course in courses(leg):
+    for course in courses(leg, last_stop):
         heights = course.gaps
         if course.stop == last_stop or heights[0] < 0.0:
             heights[0] = max(heights[0], 0.0)

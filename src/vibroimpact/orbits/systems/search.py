@@ -162,7 +162,8 @@ class SystemSearch(Search):
             symmetric = self.striking(n_periods, symmetric=True)
         orbits = [orbit for orbit in symmetric if orbit.admissible]
         settled = self._from_rest(n_periods, n_impacts)
-        orbits += [orbit for orbit in settled if not any(same_orbit(orbit, other) for other in orbits)]
+        known = tuple(orbits)
+        orbits += [orbit for orbit in settled if orbit.admissible and not any(same_orbit(orbit, one) for one in known)]
         resting = [] if orbits else find_sticking(self.model, n_periods, NOTHING)
         orbits += [orbit for orbit in resting if orbit.n_impacts == n_impacts]
         if orbits:

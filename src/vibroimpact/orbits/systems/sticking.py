@@ -31,7 +31,7 @@ from vibroimpact.orbits.equations import SAME, TURN
 from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Orbit, Rest, at_rest, family_of, phases_of
-from vibroimpact.orbits.results import Guess, Orbits, lost, other_name
+from vibroimpact.orbits.results import Guess, Orbits, lost, ordered, other_name
 from vibroimpact.parameters import invalid
 
 RETURNS = 100  # most driving periods of a cycle that is recognised in the motion from rest
@@ -97,7 +97,7 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits:
     if guess.sticks:
         state = _quiet_state(history, carrier, state, system.period, n_periods)
     orbit = _orbit(model, history, state, multipliers_of(derivative), n_periods)
-    return Orbits([orbit], message=f"1 {name} orbit")
+    return ordered([orbit])
 
 
 def _settled(system: ImpactSystem, looks: int = 1) -> Any:
