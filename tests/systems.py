@@ -46,15 +46,14 @@ FORMS = {"one mass": lambda osc: osc, "one mass as a system": one_mass}
 
 
 def a_random_system(rng, n, s=2, damping=None):
-    """Return a system with general matrices; its damping is gyroscopic, too."""
+    """Return a system with general matrices; its damping is gyroscopic, too. The stops of one mass are on one side."""
     mass, stiffness, spread = (rng.standard_normal((n, n)) for _ in range(3))
     skew = rng.standard_normal((n, n))
-    stops = [
-        vi.Stop(
-            direction=rng.standard_normal(n), gap=rng.uniform(0.1, 1.0), motion={2: complex(*rng.standard_normal(2))}
-        )
-        for _ in range(s)
-    ]
+    stops = []
+    for _ in range(s):
+        direction, gap = rng.standard_normal(n), rng.uniform(0.1, 1.0)
+        motion = {2: complex(*rng.standard_normal(2))}
+        stops.append(vi.Stop(direction=abs(direction) if n == 1 else direction, gap=gap, motion=motion))
     return vi.ImpactSystem(
         mass=mass @ mass.T + np.eye(n),
         damping=0.1 * spread @ spread.T + skew - skew.T if damping is None else damping,

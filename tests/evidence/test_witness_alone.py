@@ -55,13 +55,12 @@ def test_a_closed_stop_bears_what_a_struck_one_hands_on_and_opens_where_it_is_pu
 
 
 def test_stops_that_squeeze_a_mass_are_refused():
-    """A moving stop presses the mass against one that stands."""
-    stops = [
-        vi.Stop(direction=1, gap=1.0, restitution=0.0),
-        vi.Stop(direction=-1, gap=0.0, restitution=0.0, motion={1: -2.0}),
-    ]
+    """A moving corner presses the mass against a stop that stands."""
+    corner = [vi.Stop(direction=[-1, side], gap=0.0, restitution=0.0, motion={1: -2.0}) for side in (1, -1)]
+    stops = [vi.Stop(direction=[1, 0], gap=1.0, restitution=0.0), *corner]
+    nothing = np.zeros((2, 2))
     with pytest.raises(ValueError, match="no velocity separates"):
-        follow(linear(system(1, 0, 0, 1.0, stops, constant=[-9.0])), [0.5], [0.0])
+        follow(linear(system(np.eye(2), nothing, nothing, 1.0, stops, constant=[-9.0, 0.0])), [0.5, 0.0], [0.0, 0.0])
 
 
 def test_a_start_beyond_a_stop_is_refused():

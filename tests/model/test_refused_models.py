@@ -1,6 +1,7 @@
 """Systems, forces, stops, states and tables of modes name what they refuse."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -124,8 +125,29 @@ def test_opposite_stops_that_move_together_overlap_where_their_slot_is_negative(
     slot = [vi.Stop(direction=way, gap=-0.1, motion={1: way * 5.0}) for way in (1.0, -1.0)]
     with pytest.raises(ValueError, match="overlap by 0.2 m"):
         vi.ImpactSystem(mass=1.0, stiffness=1.0, force=vi.Force(omega=1.0), stops=slot)
-    apart = [stop.replace(motion={1: 5.0}) for stop in slot]
-    vi.ImpactSystem(mass=1.0, stiffness=1.0, force=vi.Force(omega=1.0), stops=apart)  # room for a part of the period
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_opposite_stops_that_move_must_leave_room_throughout_the_period(seed):
+    rng = np.random.default_rng([40, seed])
+    ratio = float(rng.uniform(0.5, 2.0))
+    one, other = ({h: complex(*rng.normal(size=2)) for h in rng.choice(6, 3, replace=False) + 1} for _ in range(2))
+    stops = [vi.Stop(direction=1.0, gap=0.0, motion=one), vi.Stop(direction=-1.0 / ratio, gap=0.0, motion=other)]
+    angles = np.linspace(0.0, 2.0 * np.pi, 200_001)
+    rooms = stops[0].shift(angles) + ratio * stops[1].shift(angles)
+    least, phase = float(rooms.min()), float(angles[rooms.argmin()] / (2.0 * np.pi))
+
+    def between(gap):
+        return vi.ImpactSystem(
+            mass=1.0, stiffness=1.0, force=vi.Force(omega=1.0), stops=[stops[0].replace(gap=gap), stops[1]]
+        )
+
+    between(-least * (1.0 + 1e-6))
+    with pytest.raises(ValueError, match="overlap by") as error:
+        between(-least * (1.0 - 1e-3))
+    overlap, at = (float(text) for text in re.findall(r"overlap by (\S+) m at phase (\S+):", str(error.value))[0])
+    assert overlap == pytest.approx(-1e-3 * least, rel=1e-3)
+    assert at == pytest.approx(phase, abs=2e-4)
 
 
 def test_a_slot_without_width_is_room_enough():

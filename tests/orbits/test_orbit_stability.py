@@ -102,7 +102,7 @@ def test_multipliers_tell_how_the_engine_brings_neighbours_back(form):
 
 def sections_of_systems():
     rng = np.random.default_rng(7)
-    for n in (1, 2, 3, 6):
+    for n in (1, 2, 3, 6, 4, 5):
         for system in (a_random_system(rng, n), a_symmetric_system(rng, n)):
             yield system, vi.find_orbit(system, n_periods=int(rng.integers(1, 3)))
 

@@ -259,26 +259,41 @@ def _check_places(stops: Sequence[Stop]) -> None:
 
 
 def check_room(stops: Sequence[Stop], mass: Any) -> None:
-    """Raise if there is no time at which all clearances can be >= 0."""
+    """Raise if stops that face each other overlap at any time, or if there is no time at which all leave room."""
     bars = [stop for stop in stops if stop.element.impenetrable]
-    if all(stop.gap >= 0.0 for stop in bars):
-        return  # then q = 0 is in front of all stops when they are farthest away
     for one, other in combinations(bars, 2):
         ratio = np.abs(one.direction).max() / np.abs(other.direction).max()
         if (np.abs(one.direction + ratio * other.direction) > 1e-12 * np.abs(one.direction)).any():
             continue
         orders = {*one.motion, *other.motion}
-        parting = sum(abs(one.motion.get(h, 0.0) + ratio * other.motion.get(h, 0.0)) for h in orders)
-        room = one.gap + ratio * other.gap + parting
+        parting = {h: one.motion.get(h, 0.0) + ratio * other.motion.get(h, 0.0) for h in orders}
+        shift, phase = _least_shift(parting)
+        room = one.gap + ratio * other.gap + shift
         if room < -ROUNDING * (one.reach + ratio * other.reach):
+            when = f" at phase {phase:.4g}" if shift else ""
             raise ValueError(
-                f"`stops` {one.name!r} and {other.name!r} overlap by {-room:.6g} m: they face each other, and no "
-                "position is in front of both; the sum of their gaps must be >= 0"
+                f"`stops` {one.name!r} and {other.name!r} overlap by {-room:.6g} m{when}: they face each other, and no "
+                f"position is in front of both; the sum of their gaps must be >= {abs(shift):.6g}"
             )
+    if all(stop.gap >= 0.0 for stop in bars):
+        return  # then q = 0 is in front of all stops when they are farthest away
     most_open = np.array([stop.gap + sum(map(abs, stop.motion.values())) for stop in bars])
     if nearest(mass, np.array([stop.direction for stop in bars]).reshape(-1, len(mass)), most_open) is None:
         names = ", ".join(str(stop.name) for stop in stops)
         raise ValueError(f"`stops` {names} overlap: no position is in front of all of them")
+
+
+def _least_shift(motion: Mapping[int, complex]) -> tuple[float, float]:
+    """Return the least of the sum of Im d_h exp(i h w t), and its phase: one of the zeros of the rate of change."""
+    highest = max(motion, default=0)
+    polynomial = np.zeros(2 * highest + 1, complex)
+    for order, by in motion.items():
+        polynomial[highest + order] += order * by
+        polynomial[highest - order] += order * np.conj(by)
+    angles = np.append(0.0, np.angle(np.polynomial.polynomial.polyroots(polynomial)))
+    shifts = sum((np.imag(by * np.exp(1j * order * angles)) for order, by in motion.items()), 0.0 * angles)
+    at = int(np.argmin(shifts))
+    return float(shifts[at]), float(angles[at] / (2.0 * np.pi) % 1.0)
 
 
 def check_moves(stops: Sequence[Stop], omega: float | None) -> None:
