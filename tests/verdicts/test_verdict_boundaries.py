@@ -102,7 +102,7 @@ def test_without_impacts_the_motion_first_touches_the_stop_where_its_amplitude_i
         assert boundary.kind == "first_contact"
         there = osc.replace(**{boundary.parameter: boundary.value})
         assert there.steady_amplitude == pytest.approx(there.gap, rel=1e-12)
-    assert f"stays {0.5 - osc.steady_amplitude:.3g} m clear" in text_of(verdict)
+    assert f"at least {0.5 - osc.steady_amplitude:.3g} m clear of the stop" in text_of(verdict)
     assert edge(verdict, "gap", -1).value == pytest.approx(osc.steady_amplitude, rel=1e-14)
 
 

@@ -239,7 +239,7 @@ def test_only_motions_that_are_not_told_apart_are_said_to_count_as_one(name, tog
 @pytest.mark.usefixtures("modal_engine")
 def test_a_system_that_ends_at_rest_at_a_stop_is_said_once_to_rest():
     system = vi.ImpactOscillator(amplitude=0.0, gap=-0.1).system
-    assert "motion      from rest at rest at stop\n" in str(vi.describe(system, parameters=[]))
+    assert "motion      from rest at rest at the stop\n" in str(vi.describe(system, parameters=[]))
 
 
 def test_one_mass_and_the_same_as_a_system_are_told_in_the_same_words():

@@ -262,7 +262,7 @@ def describe(
     return Verdict(
         model=osc,
         oscillator=present.oscillator,
-        kind=present.measured.kind,
+        kind=present.motion.kind,
         motion=present.motion,
         orbit=present.orbit,
         status=present.measured.status.word,

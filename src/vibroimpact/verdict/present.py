@@ -11,6 +11,7 @@ from vibroimpact.coexistence.attractor import distinct_names
 from vibroimpact.coexistence.final import Final, final_motion, thrifty
 from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runner, Start, last_of
 from vibroimpact.coexistence.search import attractors_by, from_rest
+from vibroimpact.coexistence.settling import attracting_kinds
 from vibroimpact.coexistence.striking import alike, most_like
 from vibroimpact.dataset import provenance
 from vibroimpact.indices import with_missing
@@ -92,7 +93,9 @@ def _by_impacts(model: Model, runner: Runner) -> Present:
     osc = model.at()
     final = final_motion(runner, osc.cells({}), ImpactWindow(SETTLED, SHOWN))
     measured, samples = final.measured, final.samples
-    motion = Motion(measured.kind, measured.n_periods, measured.n_impacts, status=measured.status)
+    settled = MotionClass(attracting_kinds(osc)[measured.motion_class])
+    kind = settled.word if settled in QUIET else measured.kind  # unforced, a mass is at rest
+    motion = Motion(kind, measured.n_periods, measured.n_impacts, status=measured.status)
     orbit, start = None, last_of(samples)
     if measured.motion_class == MotionClass.STICKING:
         orbit = next(iter(find_orbit(model, n_periods=measured.n_periods or 1, n_impacts=-1)), None)

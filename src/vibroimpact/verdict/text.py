@@ -15,6 +15,7 @@ import numpy as np
 from vibroimpact import report
 from vibroimpact.coexistence.losses import CONTINUUM, attracts, lasting_stops
 from vibroimpact.coexistence.measuring import EQUAL, PAPER, QUIET, SPREAD
+from vibroimpact.model import as_system
 from vibroimpact.motion import MotionClass, listed
 from vibroimpact.showing import Table, aligned, wrapped
 from vibroimpact.verdict.advice import INSTANTS
@@ -108,8 +109,8 @@ def _motion(verdict: Verdict) -> Iterator[str]:
         yield f"from rest {motion.name}, repeats every {motion.n_periods * design.period:.4g} s"
     elif kind == MotionClass.UNDECIDED:
         yield f"from rest undecided: {_why_undecided(verdict)}"
-    elif kind in QUIET and not design.forgets:
-        yield f"from rest {motion.name}{_clear_of(verdict)}".replace("at rest, at rest at", "at rest at")
+    elif kind in QUIET:
+        yield f"from rest {_without_impacts(verdict)}"
     else:
         yield f"from rest {motion.sentence(design.period)}"
     yield from _watched(verdict)
@@ -144,35 +145,36 @@ def _watched(verdict: Verdict) -> Iterator[str]:
 
 
 def _beside_the_stop(verdict: Verdict) -> Iterator[str]:
-    """Yield the distance of a motion without impacts from the stop, or the force that presses it on the stop, named."""
+    """Yield the amplitude of a motion of one mass without impacts, or the force that presses it on the stop."""
     osc = verdict.oscillator
-    if verdict.kind == "no_impact" and math.isfinite(osc.steady_amplitude):
-        clear = osc.gap - osc.steady_amplitude
-        yield f"it swings by {osc.steady_amplitude:.4g} m and stays {clear:.3g} m clear of the stop"
+    if verdict.kind == "no_impact" and 0.0 < osc.steady_amplitude < math.inf:
+        yield f"it swings by {osc.steady_amplitude:.4g} m"
     if verdict.kind == "stuck_forever":
         yield f"the preload -k g = {abs(osc.stiffness * osc.gap):.4g} N against the force f = {osc.amplitude:.4g} N"
 
 
-def _clear_of(verdict: Verdict) -> str:
-    """Return the distance from the nearest stop of a motion without impacts, or the stop that it touches."""
-    system = verdict.oscillator
+def _without_impacts(verdict: Verdict) -> str:
+    """Return the name of a motion without impacts, and its distance from the nearest stop, or the stop it touches."""
+    system, name = as_system(verdict.oscillator), verdict.motion.name
+    said = ["the stop"] if is_one_mass(system) else system.stop_names
     present = next((motion for motion in verdict.attractors if motion.from_rest), None)
     if present is None:
-        return ""
+        return verdict.motion.sentence(system.period)
     if verdict.kind == "no_impact" and not system.modal().squares.all():
-        return ", it never comes back to a stop"
+        return f"{name}, it never comes back to a stop"
     if verdict.kind == "no_impact":
-        margins = dict(zip(system.stop_names, system.cells({}).block("margin")[0].tolist(), strict=True))
-        name = min(margins, key=lambda stop: margins[stop])
-        return f", at least {report.quantity(margins[name], 'm', 3)} clear of {name}"
-    q = present.start.displacement
+        margins = dict(zip(said, system.cells({}).block("margin")[0].tolist(), strict=True))
+        nearest = min(margins, key=lambda stop: margins[stop])
+        return f"{name}, at least {report.quantity(margins[nearest], 'm', 3)} clear of {nearest}"
+    q = np.atleast_1d(present.start.displacement)
     clearances = system.clearances(q, present.start.time).tolist()
     sizes = [abs(stop.gap) + float(np.abs(stop.direction) @ np.abs(q)) for stop in system.stops]
-    at = [stop for stop, gap, size in zip(system.stops, clearances, sizes, strict=True) if gap <= EQUAL * size]
     held: dict[str, list[str]] = {}
-    for stop in at:
-        held.setdefault(stop.element.holds, []).append(str(stop.name))
-    return "".join(f", {words} {listed(names)}" for words, names in sorted(held.items()))
+    for stop, called, gap, size in zip(system.stops, said, clearances, sizes, strict=True):
+        if gap <= EQUAL * size:
+            held.setdefault(stop.element.holds, []).append(called)
+    places = [f"{words} {listed(names)}" for words, names in sorted(held.items())]
+    return ", ".join(places if name in " ".join(places) else [name, *places])  # "at rest at table" says that it rests
 
 
 def _energy(verdict: Verdict) -> Iterator[str]:
