@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from designs import RARE
+from designs import RARE, random_oscillator
 from differences import derivative
-from systems import THREE, TWINS, changed, linear, one_mass, random_pair, sticking, two_sided
+from systems import FORMS, THREE, TWINS, changed, linear, one_mass, random_pair, sticking, two_sided
 from texts import line, numbers, text_of
 from vibroimpact.backends import get_backend
 from vibroimpact.backends.reference.systems import follow
@@ -193,21 +193,41 @@ def test_chaos_says_what_is_only_about_so(model):
     assert verdict.watched > 32_000
 
 
-@pytest.mark.parametrize("name", ["fast", "chaotic"])
-def test_every_index_is_that_of_parameter_map(request, name):
-    verdict = request.getfixturevalue(name)
-    sweep = vi.parameter_map(verdict.oscillator, indices=tuple(INDICES), omega=[verdict.oscillator.omega])
+def test_every_index_of_chaos_is_that_of_parameter_map(chaotic):
+    sweep = vi.parameter_map(chaotic.oscillator, indices=tuple(INDICES), omega=[chaotic.oscillator.omega])
     for index in INDICES:
-        assert verdict.indices[index] == float(sweep[index][0])
+        assert chaotic.indices[index] == float(sweep[index][0])
 
 
-@pytest.mark.parametrize("model", [*list(PERIODIC.values())[:4], sticking()], ids=["0", "2", "6", "10", "it sticks"])
-def test_every_index_of_a_cycle_of_a_system_is_that_of_parameter_map(model):
+REPEATING = {**{name: CYCLES[name] for name in list(CYCLES)[:6]}, "it sticks": sticking()}
+
+
+@pytest.mark.parametrize("model", REPEATING.values(), ids=REPEATING)
+def test_every_index_of_a_cycle_is_that_of_parameter_map(model):
     """Over exactly one cycle, that is; a map averages over 5000 impacts, which may end within one."""
     verdict = vi.describe(model, parameters=[])
     sweep = vi.parameter_map(model, indices=tuple(INDICES), omega=[model.omega])
     for index in INDICES:
         assert verdict.indices[index] == pytest.approx(float(sweep[index][0]), rel=1e-3, abs=1e-9)
+
+
+@pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
+def test_indices_of_impacts_are_those_of_exactly_one_cycle(form):
+    rng, impacts = np.random.default_rng(78), set()
+    while len(impacts) < 4:
+        verdict = vi.describe(form(random_oscillator(rng)), parameters=[])
+        if verdict.kind == "periodic":
+            speeds, phases = np.array(verdict.orbit.velocities), np.array(verdict.orbit.phases)
+            expected = {
+                "std": speeds.std(),
+                "mean_velocity": speeds.mean(),
+                "max_velocity": speeds.max(),
+                "impacts_per_period": len(speeds) / verdict.motion.n_periods,
+                "impact_phase_spread": 1.0 - abs(np.exp(2j * np.pi * phases).mean()),
+            }
+            found = {name: verdict.indices[name] for name in expected}
+            assert found == pytest.approx(expected, rel=1e-6, abs=1e-7)
+            impacts.add(len(speeds))
 
 
 @pytest.mark.long

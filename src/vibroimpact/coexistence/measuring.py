@@ -290,6 +290,17 @@ def _measured(table: Outcome, window: ImpactWindow, names: Sequence[str], *, win
     return [named(*row) for row in zip(*columns, strict=True)]
 
 
+def indices_of_cycle(n_periods: int, velocities: Sequence[float], phases: Sequence[float]) -> dict[str, float]:
+    """Return the indices of impacts over exactly one cycle; those of a map are averages over a window."""
+    return {
+        "std": float(np.std(velocities)),
+        "mean_velocity": float(np.mean(velocities)),
+        "max_velocity": float(np.max(velocities)),
+        "impacts_per_period": len(velocities) / n_periods,
+        "impact_phase_spread": max(1.0 - abs(complex(np.exp(2j * np.pi * np.array(phases)).mean())), 0.0),
+    }
+
+
 def named(kind: int, status: float, indices: dict[str, float], impacts: float) -> Measured:
     """Return a motion of a kind, from its indices and the number of impacts computed."""
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])

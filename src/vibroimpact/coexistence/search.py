@@ -21,6 +21,7 @@ from vibroimpact.coexistence.measuring import (
     Measured,
     Runner,
     carried,
+    indices_of_cycle,
     orbit_cells,
     spread_cells,
     state_cells,
@@ -189,15 +190,14 @@ def from_rest(runner: Runner, system: ImpactSystem) -> tuple[Attractor | None, M
         kind = MotionClass.BUDGET if measured.status == Status.BUDGET else MotionClass.UNDECIDED
         return None, replace(measured, kind=kind.word, n_periods=0, n_impacts=0, indices=indices)
     attractor = reached[0].attractor
-    n, p, phases = attractor.n_periods, attractor.n_impacts, np.array(attractor.phases)
+    n, p = attractor.n_periods, attractor.n_impacts
     if measured.motion_class.hits:
         (again,) = runner.measure(carried(system, attractor.start), windows[-1], names=tuple(INDICES))
         indices |= {name: value for name, value in again.indices.items() if name not in measured.indices}
     indices |= {name: float(getattr(attractor, name)) for name in STATISTICS}
-    if phases.size:
-        rate = len(phases) / n
-        indices["impacts_per_period"], indices["lyapunov_per_impact"] = rate, attractor.lyapunov * system.period / rate
-        indices["impact_phase_spread"] = max(1.0 - abs(complex(np.exp(2j * np.pi * phases).mean())), 0.0)
+    if attractor.velocities:
+        indices |= indices_of_cycle(n, attractor.velocities, attractor.phases)
+        indices["lyapunov_per_impact"] = attractor.lyapunov * system.period / indices["impacts_per_period"]
     return attractor, replace(measured, kind=attractor.kind, n_periods=n, n_impacts=p, indices=indices)
 
 

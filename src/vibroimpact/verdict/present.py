@@ -9,7 +9,7 @@ from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence import Attractor
 from vibroimpact.coexistence.attractor import distinct_names
 from vibroimpact.coexistence.final import Final, final_motion, thrifty
-from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runner, Start, last_of
+from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runner, Start, indices_of_cycle, last_of
 from vibroimpact.coexistence.search import attractors_by, from_rest
 from vibroimpact.coexistence.settling import attracting_kinds
 from vibroimpact.coexistence.striking import alike, most_like
@@ -106,6 +106,8 @@ def _by_impacts(model: Model, runner: Runner) -> Present:
                 orbit = settled_orbit(search_of(model), measured.n_periods, samples, slice(-p, None))
         if orbit is not None and not orbit.sticks:
             motion = replace(motion, velocities=orbit.velocities, phases=orbit.phases)
+            cycle = indices_of_cycle(orbit.n_periods, orbit.velocities, orbit.phases)
+            final = replace(final, measured=replace(measured, indices=measured.indices | cycle))
         else:
             section = labelled_impacts(samples, osc, provenance("impact_section", osc, {}))
             recognised = recognise(section)
