@@ -53,7 +53,7 @@ def taken_by_stops(samples: Any, design: Any, impulses: Floats) -> dict[str, xr.
 
     The force of a rigid stop is that of a rest, and zero otherwise: an impact on it has an impulse but no force.
     """
-    turns = samples.look_periods + samples.look_phase
+    turns = samples.look_turns
     rests, motion = Rests(samples, math.inf), (samples.look_displacement, samples.look_velocity)
     taken = {
         "stick_impulse": variable("stick_impulse", "stick", impulses),

@@ -106,9 +106,9 @@ class Followed:
         If it `skips` nothing, what comes before the first sample counts.
         """
         if isinstance(window, ImpactWindow):
-            times, length = samples.impact_periods + samples.impact_phase, float(window.transient + window.keep)
+            times, length = samples.impact_turns, float(window.transient + window.keep)
         else:
-            times, length = samples.look_periods + samples.look_phase, window.length
+            times, length = samples.look_turns, window.length
         first, last = (float(times[0]), float(times[-1])) if len(times) else (math.inf, -math.inf)
         states = self.states(self.design, self.cells, self.begin, length)
         return rest_impulses(as_system(self.design), samples, first if skips else -math.inf, last, states)
@@ -376,7 +376,7 @@ def impact_map(
             # The given impact is recorded too, both numbers to rounding, unless it is too weak.
             skipped = int(
                 len(samples.impact_phase) > 0
-                and math.isclose(samples.impact_periods[0] + samples.impact_phase[0], phases.flat[at], abs_tol=1e-12)
+                and math.isclose(samples.impact_turns[0], phases.flat[at], abs_tol=1e-12)
                 and math.isclose(samples.impact_velocity[0], velocities.flat[at], rel_tol=1e-12)
             )
             if len(samples.impact_phase) > skipped:

@@ -346,5 +346,5 @@ def test_a_mass_that_never_leaves_a_spring_is_not_said_to_rest():
     spring = vi.Stop(direction=1, gap=-0.3, stiffness=100.0, damping=1.0, name="above")
     resting = bilinear(stops=[spring], force=vi.Force(omega=2.0, harmonics={1: 0.1}))
     text = " ".join(str(vi.describe(resting, parameters=[])).split())
-    assert "pressed into above" in text
+    assert "pressed into the stop" in text
     assert "at rest at" not in text

@@ -162,6 +162,16 @@ class Samples:
     last_phase: float
     last_clearance: float = math.nan
 
+    @property
+    def impact_turns(self) -> Floats:
+        """Times of the impacts in driving periods; over long times their phases lose digits in this sum."""
+        return self.impact_periods + self.impact_phase
+
+    @property
+    def look_turns(self) -> Floats:
+        """Times of the samples in driving periods."""
+        return self.look_periods + self.look_phase
+
     def last_state(self, period: float) -> State:
         """Return the state after the last item kept, with its time in one driving period, in s."""
         return State(self.last_displacement, self.last_velocity, self.last_phase * period)

@@ -199,7 +199,7 @@ def _divided(ends: Floats, cuts: list[list[float]]) -> Floats:
 
 def parts_of(spans: Any, system: ImpactSystem, samples: Any, rests: Rests) -> Floats:
     """Return the ends of the parts without events of spans of a motion, in driving periods, ascending."""
-    impacts = samples.impact_periods + samples.impact_phase
+    impacts = samples.impact_turns
     over = impacts + np.nan_to_num(samples.contacts.exit_time) / system.period
     bounds = np.sort(np.reshape(spans, (-1, 2)), axis=0).T
 

@@ -51,7 +51,7 @@ def rest_impulses(system: ImpactSystem, samples: Any, first: float, last: float,
 
 def _shares(system: ImpactSystem, samples: Any, rests: Rests, spans: Floats, states: States) -> Floats:
     """Return the shares of closed stops in impacts on others, one per rest, from the jumps of the velocities."""
-    impacts, shares = samples.impact_periods + samples.impact_phase, np.zeros(len(rests.ends))
+    impacts, shares = samples.impact_turns, np.zeros(len(rests.ends))
     times = np.unique(impacts)
     begun, ended = (np.searchsorted(np.sort(ends), times) for ends in (spans[:, 0], spans[:, 1] + SHORT))
     times = times[begun > ended]

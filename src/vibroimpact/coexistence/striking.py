@@ -196,7 +196,7 @@ def follow(runner: Runner, settled: Settled, at: int, others: Sequence[SettledMo
     keep = 2 * max(p, 16) + 1
     while True:
         samples = sampled(runner, settled, at, ImpactWindow(settling, keep))
-        turns, speeds = samples.impact_periods + samples.impact_phase, samples.impact_velocity
+        turns, speeds = samples.impact_turns, samples.impact_velocity
         if turns[-1] - turns[0] > 2 * n - 1e-6 or len(turns) < keep:
             break
         keep *= 2
@@ -272,7 +272,7 @@ def _turn(runner: Runner, settled: Settled, at: int, n: int) -> SettledMotion:
     """Return a cycle of n periods that rests."""
     (samples,) = runner.samples(AT_REST.cell(settled.osc), StroboscopicWindow(0, n + 2))
     release = samples.rest_end[0].sum()
-    time = samples.impact_periods + samples.impact_phase
+    time = samples.impact_turns
     turn = (time > release) & (time < release + n)
     return _from_hardest(settled, at, samples.impact_phase[turn], samples.impact_velocity[turn], n)
 
@@ -284,7 +284,7 @@ def _turns(runner: Runner, settled: Settled, at: int) -> SettledMotion:
     """
     osc, phases, velocities, periods = settled.osc, [], [], 0.0
     for samples in runner.samples(released(osc.cells({})), ImpactWindow(0, WANDERING)):
-        time = samples.impact_periods + samples.impact_phase
+        time = samples.impact_turns
         releases = samples.rest_end[:1].sum(axis=1)
         end = releases[0] if np.isfinite(releases).any() else time[-1]
         phases.append(samples.impact_phase[time <= end])

@@ -62,7 +62,7 @@ class _Hits:
 
     @cached_property
     def turns(self) -> Floats:
-        turns: Floats = self.samples.impact_periods + self.samples.impact_phase
+        turns: Floats = self.samples.impact_turns
         return turns
 
     def part(self, first: int, p: int) -> Impacts:

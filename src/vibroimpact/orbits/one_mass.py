@@ -78,18 +78,16 @@ class OneMassSearch(Search):
             yield Solution("", float(z[1]), partial(_attracts, osc, cycle, z), orbit)
 
     def of_cycle(self, n_periods: int, samples: Samples, span: slice) -> Orbits:
-        """Return the orbits near the last of the sampled impacts of a cycle."""
-        phases, speeds = samples.impact_phase[span], samples.impact_velocity[span]
-        return self.of_type(n_periods, len(speeds), guess=Guess((float(phases[-1]), float(speeds[-1]))))
+        """Return the orbit near the sampled impacts of a cycle."""
+        turns, speeds = samples.impact_turns[span], samples.impact_velocity[span]
+        return self._from(Cycle(n_periods, len(speeds)), np.append(turns - math.floor(turns[0]), speeds))
 
     def from_motion(self, cell: Cells, skipped: int, n_periods: int, n_impacts: int) -> Orbits:
         """Return the orbit that Newton's method reaches from impacts of a motion, or the one that sticks."""
         if n_impacts == -1:
             return self.of_type(n_periods, -1)
         (samples,) = get_backend("cpu").samples(cell, Measurement(ImpactWindow(skipped, n_impacts)))
-        turns = samples.impact_periods + samples.impact_phase
-        start = np.append(turns - math.floor(turns[0]), samples.impact_velocity)
-        return self._from(Cycle(n_periods, n_impacts), start)
+        return self.of_cycle(n_periods, samples, slice(None))
 
     def state_of(self, guess: Guess) -> State:
         """Return the state of a guess, at an impact where that is given as numbers."""

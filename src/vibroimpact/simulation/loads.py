@@ -165,7 +165,7 @@ def _divided(
     begin, end = turns[[0, -1]].tolist()
     within = partial(contact_within, system, samples, end, states)
     after = {stop: contact.followed(stop, begin, end, within) for stop, contact in before.items()}
-    impacts, angle = samples.impact_periods + samples.impact_phase, np.array(2.0 * np.pi * samples.look_phase[-1])
+    impacts, angle = samples.impact_turns, np.array(2.0 * np.pi * samples.look_phase[-1])
     u = clearances(system, samples.look_displacement[-1], angle).tolist()
     for stop in (at for at, each in enumerate(system.stops) if not each.element.impenetrable and u[at] < 0.0):
         rows = np.flatnonzero((samples.impact_stop == stop) & (impacts < end - SAME))

@@ -97,7 +97,7 @@ class SystemSearch(Search):
     def of_cycle(self, n_periods: int, samples: Samples, span: slice) -> Orbits:
         """Return the orbit near the sampled impacts of a cycle; where contacts last, near the last state sampled."""
         stops, period = samples.impact_stop[span].tolist(), self.design.period
-        turns = samples.impact_periods[span] + samples.impact_phase[span]
+        turns = samples.impact_turns[span]
         times = ((turns - math.floor(turns[0])) * period).tolist()
         lasting = self.flow.compliant[stops].any()
         guess = Guess.of(samples.last_state(period)) if lasting else Guess(times)
@@ -203,7 +203,7 @@ class SystemSearch(Search):
             keep = n_impacts * math.ceil(LOOK / n_impacts) + 1  # the window ends as the transient does
             window = ImpactWindow(transient, keep)
             (samples,) = get_backend("cpu").samples(self.design.cells({}), Measurement(window))
-            turns = (samples.impact_periods + samples.impact_phase)[-n_impacts - 1 :]
+            turns = samples.impact_turns[-n_impacts - 1 :]
             if len(turns) <= n_impacts:
                 break
             if abs(turns[-1] - turns[0] - n_periods) <= SAME * n_periods:

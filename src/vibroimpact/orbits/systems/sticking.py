@@ -123,7 +123,7 @@ def periods_from_rest(system: ImpactSystem, longest: int) -> int:
         samples = _settled(system, 2 * RETURNS)
     except ValueError:
         return 0
-    over = samples.rest_end.sum(axis=1) < samples.look_periods[0] + samples.look_phase[0]
+    over = samples.rest_end.sum(axis=1) < samples.look_turns[0]
     displacements = _beside_centre(system, samples.look_displacement)
     return 0 if over.all() else recurrence(*displacements.T, tolerance=SAME, longest=min(longest, RETURNS))
 
@@ -146,7 +146,7 @@ def _follow(system: ImpactSystem, state: State, n_periods: int) -> _History:
     window = StroboscopicWindow(0, 2 * n_periods + 1)
     (samples,) = get_backend("cpu").samples(system.cells({}, state), Measurement(window))
     first, names = state.time / system.period, system.stop_names
-    times = samples.impact_periods + samples.impact_phase
+    times = samples.impact_turns
     within = times < first + n_periods
     rests: list[Rest] = []
     for stop, begin, end in zip(
