@@ -9,7 +9,7 @@ import pytest
 import vibroimpact as vi
 from contents import names_of_starts
 from designs import RESTS, TRANSIENTS, random_oscillator
-from systems import THREE, TWINS, random_pair, two_sided
+from systems import FORMS, THREE, TWINS, random_pair, two_sided
 from texts import text_of
 from vibroimpact.backends import ImpactWindow
 from vibroimpact.coexistence import Attractor, settling
@@ -266,13 +266,22 @@ def test_chaos_that_ends_leads_to_the_cycle_that_it_ends_in(name):
         assert cycle.max_velocity == pytest.approx(verdict.indices["max_velocity"], rel=1e-9)
 
 
+@pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
 @pytest.mark.parametrize("hardest", RESTS)
-def test_a_rest_that_rounding_repeats_is_no_attractor(hardest):
-    (cycle,) = vi.attractors(RESTS[hardest])
+def test_a_rest_that_rounding_repeats_is_no_attractor(hardest, form):
+    model = form(RESTS[hardest])
+    (cycle,) = vi.attractors(model)
     assert (cycle.name, cycle.share) == ("period-1 impact-1", 1.0)
     assert cycle.max_velocity == pytest.approx(hardest, abs=1e-3)
-    portrait = vi.basins(RESTS[hardest], phase=np.linspace(0.0, 1.0, 11), velocity=0.075 + 0.6 * np.arange(5))
+    assert vi.describe(model, parameters=[]).motion.name == cycle.name
+    portrait = vi.basins(model, phase=np.linspace(0.0, 1.0, 11), velocity=0.075 + 0.6 * np.arange(5))
     assert set(names_of_starts(portrait).ravel()) == {"period-1_impact-1"}
+
+
+@pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
+def test_rests_that_come_again_from_wherever_rounding_leads_are_an_attractor(form):
+    (sticking,) = vi.attractors(form(vi.ImpactOscillator(omega=2.9)))
+    assert (sticking.name, sticking.share) == ("intermittent sticking", 1.0)
 
 
 def test_a_chaotic_attractor_still_is_so_1e5_impacts_later():

@@ -129,7 +129,9 @@ def attractors(
     excite: nothing is attracted then, and a motion that strikes such a stop is undecided; without any load,
     `find_orbit` finds such motions by their energy. Chaotic motions are compared by boxes on the impact surfaces of all
     stops. All quasi-periodic motions count as one attractor, all that stick and never repeat as another, and all that
-    never hit again as a third, even with an undamped mode. Time: less than a second for a periodic system, seconds for
+    never hit again as a third, even with an undamped mode. If a rest of all coordinates erases all memory, and rounding
+    decides when the next one comes, the end is that of most motions perturbed after a rest which do not rest again, as
+    for one mass. Time: less than a second for a periodic system, seconds for
     a chaotic one.
 
     Examples
