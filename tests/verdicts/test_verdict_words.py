@@ -10,7 +10,7 @@ import pytest
 
 import vibroimpact as vi
 from designs import RESTS, TRANSIENTS
-from systems import THREE, one_mass, random_pair, two_sided
+from systems import FORMS, THREE, one_mass, random_pair, two_sided
 from texts import line, text_of
 from vibroimpact.verdict import Advice, Comparison, Edge
 
@@ -196,9 +196,10 @@ def test_no_impacts_are_claimed_of_initial_conditions_that_are_undecided(kind):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
 @pytest.mark.parametrize("name", TRANSIENTS)
-def test_a_long_chaotic_transient_is_named_beside_the_motion_that_it_ends_in(name):
-    verdict = vi.describe(TRANSIENTS[name], parameters=[])
+def test_a_long_chaotic_transient_is_named_beside_the_motion_that_it_ends_in(name, form):
+    verdict = vi.describe(form(TRANSIENTS[name]), parameters=[])
     assert verdict.motion.name == name
     assert verdict.transient == "chaotic"
     assert f"certain after {verdict.watched} impacts: the first 5100 look chaotic" in text_of(verdict)

@@ -9,7 +9,16 @@ from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence import Attractor
 from vibroimpact.coexistence.attractor import distinct_names
 from vibroimpact.coexistence.final import Final, final_motion, thrifty
-from vibroimpact.coexistence.measuring import HARDLY_EVER, QUIET, Measured, Runner, Start, indices_of_cycle, last_of
+from vibroimpact.coexistence.measuring import (
+    HARDLY_EVER,
+    PAPER,
+    QUIET,
+    Measured,
+    Runner,
+    Start,
+    indices_of_cycle,
+    last_of,
+)
 from vibroimpact.coexistence.search import attractors_by, from_rest
 from vibroimpact.coexistence.settling import attracting_kinds
 from vibroimpact.coexistence.striking import alike, most_like
@@ -124,7 +133,8 @@ def _by_states(model: Model, runner: Runner) -> Present:
     """Return the motion from rest by whole states, followed for 32,767 impacts if it does not repeat."""
     system = model.at()
     attractor, measured = from_rest(runner, system)
-    final = Final(measured, None, measured.impacts)
+    (first,) = runner.measure(system.cells({})) if measured.impacts > PAPER.transient + PAPER.keep else [measured]
+    final = Final(measured, None, measured.impacts, first if first.name != measured.name else None)
     if attractor is None:
         motion = Motion(measured.kind, status=measured.status)
         return Present(model, system, final, motion, None, system.rest)
