@@ -6,6 +6,7 @@ import io
 import os
 import pty
 import re
+import select
 import signal
 import subprocess
 import sys
@@ -259,10 +260,11 @@ LAW = """vi.ImpactSystem(
 def test_python_calls_only_kernels_that_are_kept_and_not_interrupted():
     """One that other kernels are meant to call would be compiled in each process, where Ctrl-C would be lost."""
     code = (
-        "import numba.core.event as event, vibroimpact as vi\n"
+        "import threading, numba.core.event as event, vibroimpact as vi\n"
         "from vibroimpact import compiling\n"
         "from vibroimpact.kernels.shared import interrupts\n"
         "def begun(self, event):\n"
+        "    if threading.current_thread() is not threading.main_thread(): return  # Ctrl-C does not come there\n"
         "    if not compiling.under_way() and interrupts._kept is None: print(event.data['dispatcher'].__name__)\n"
         "methods = {'on_start': begun, 'on_end': lambda *_: None}\n"
         "event.register('numba:compile', type('Begun', (event.Listener,), methods)())\n"
@@ -314,6 +316,26 @@ def test_an_interrupt_that_comes_as_a_kernel_asks_for_a_part_is_felt_later(monke
         assert (later, felt) == ([signal.SIGINT] * 2, [signal.SIGINT])
     finally:
         signal.signal(signal.SIGINT, former)
+
+
+def test_a_kept_interrupt_wakes_a_program_that_waits_for_events():
+    """As the explorer does: raised in another thread, the signal would be felt only when the next event comes."""
+    events, source = os.pipe()
+    event = threading.Timer(60.0, os.write, [source, b"a click"])
+    former = signal.signal(signal.SIGINT, signal.default_int_handler)
+    event.start()
+    try:
+        with interrupts.uninterrupted():
+            signal.raise_signal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            select.select([events], [], [])
+        assert not event.finished.is_set()
+    finally:
+        event.cancel()
+        event.join()
+        signal.signal(signal.SIGINT, former)
+        os.close(events)
+        os.close(source)
 
 
 @pytest.mark.long

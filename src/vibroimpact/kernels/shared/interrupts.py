@@ -54,4 +54,6 @@ def _callers(frame: FrameType | None) -> Iterator[FrameType]:
 
 
 def _raise_later(number: int) -> None:
-    threading.Timer(LATER, signal.raise_signal, [number]).start()
+    """Raise a signal soon, in the main thread where the system can: only this wakes it where it waits for events."""
+    send = getattr(signal, "pthread_kill", lambda thread, number: signal.raise_signal(number))
+    threading.Timer(LATER, send, [threading.main_thread().ident, number]).start()
