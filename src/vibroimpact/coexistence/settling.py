@@ -166,70 +166,20 @@ def settle(
     windows: Sequence[ImpactWindow],
     outlook: Callable[[Settled, ImpactWindow], MotionClass] = lambda settled, window: MotionClass.UNDECIDED,
     report: Callable[[Settled, int], None] = lambda settled, undecided: None,
+    *,
+    leaves: bool = True,
 ) -> Settled:
     """Compute cells in ever longer windows until each is decided; `report` gets the number undecided after each batch.
 
     After a window, `outlook` gives the final motion of all motions that are chaotic there: lasting chaos, intermittent
-    sticking, or undecided if they differ, in which case all must be continued. Motions whose next rest is determined by
-    rounding end as perturbed ones do.
+    sticking, or undecided if they differ, in which case all must be continued. Motions of a system whose next rest is
+    determined by rounding end as perturbed ones do if it `leaves` them.
     """
-    settled = _settle(runner, osc, cells, windows, outlook, report)
-    stuck = np.flatnonzero(_intermittent(settled))
-    if stuck.size and not (osc.forgets or runner.stop.is_set()):
-        _leave(runner, settled, stuck, windows)
-    return settled
-
-
-def _intermittent(settled: Settled) -> NDArray[np.bool_]:
-    found: NDArray[np.bool_] = (settled.indices["n_periods"] == 0) & (settled.kind == MotionClass.STICKING)
-    return found
-
-
-def _leave(runner: Runner, settled: Settled, stuck: Counts, windows: Sequence[ImpactWindow]) -> None:
-    """Continue motions of a system that rest and never repeat as most perturbed ones do that do not rest again.
-
-    The state after the first impact from a rest is perturbed. Each interval between rests is an independent trial.
-    """
-    cell, impacts, tried = settled.cells[stuck[:1]], 0, 0
-    (samples,) = runner.samples(cell, ImpactWindow(0, 2 * int(settled.indices["impacts"][stuck[0]])))
-    (samples,) = runner.samples(cell, ImpactWindow(_first_after_rest(samples), 1))
-    while impacts < TURNS * WATCHED and not runner.stop.is_set():
-        shares = MOVED * np.random.default_rng(tried).uniform(-1.0, 1.0, (RELEASES * (tried + 1), 1))
-        cells = cell.copies(len(shares)).at(
-            samples.last_displacement, samples.last_velocity * (1.0 + shares), samples.last_phase
-        )
-        others = _settle(runner, settled.osc, cells, windows)
-        tried, impacts = 2 * tried + 1, impacts + int(others.indices["impacts"].sum())
-        elsewhere = np.flatnonzero(~_intermittent(others) & (others.kind != MotionClass.UNDECIDED))
-        if elsewhere.size:
-            names = [others[at].name for at in elsewhere.tolist()]
-            at = elsewhere[names.index(Counter(names).most_common(1)[0][0])]
-            settled.cells.table[stuck], settled.passing[stuck] = cells.table[at], others.passing[at]
-            for column, values in zip(settled.columns, others.columns, strict=True):
-                column[stuck] = values[at]
-            return
-
-
-def _first_after_rest(samples: Samples) -> int:
-    """Return the number of the first impact after the first rest that ended."""
-    ends = samples.rest_end.sum(axis=1)
-    return int(np.searchsorted(samples.impact_turns, ends[np.isfinite(ends)].min(initial=math.inf), side="right"))
-
-
-def _settle(
-    runner: Runner,
-    osc: Design,
-    cells: Cells,
-    windows: Sequence[ImpactWindow],
-    outlook: Callable[[Settled, ImpactWindow], MotionClass] = lambda settled, window: MotionClass.UNDECIDED,
-    report: Callable[[Settled, int], None] = lambda settled, undecided: None,
-) -> Settled:
-    """Compute cells in ever longer windows, and follow releases of one mass whose next rest rounding determines."""
     settled = Settled.of(osc, cells)
     kind, status = settled.kind, settled.status
     results = settled.columns
     fate = partial(fate_of_release, runner, cells[:1])
-    remaining, windows = np.arange(len(cells)), list(windows)
+    remaining, planned, windows = np.arange(len(cells)), windows, list(windows)
     for window in windows:
         before = [column[remaining] for column in results]
         kind[remaining], status[remaining] = MotionClass.UNDECIDED, Status.INTERRUPTED
@@ -268,7 +218,48 @@ def _settle(
         remaining = np.flatnonzero(again)
         if remaining.size == 0 or runner.stop.is_set():
             break
+    if leaves and not osc.forgets:
+        _leave(runner, settled, planned)
     return settled
+
+
+def _intermittent(settled: Settled) -> NDArray[np.bool_]:
+    found: NDArray[np.bool_] = (settled.indices["n_periods"] == 0) & (settled.kind == MotionClass.STICKING)
+    return found
+
+
+def _leave(runner: Runner, settled: Settled, windows: Sequence[ImpactWindow]) -> None:
+    """Continue motions of a system that rest and never repeat as most perturbed ones do that do not rest again.
+
+    The state after the first impact from a rest is perturbed. Each interval between rests is an independent trial.
+    """
+    stuck = np.flatnonzero(_intermittent(settled))
+    if not stuck.size or runner.stop.is_set():
+        return
+    cell, impacts, tried = settled.cells[stuck[:1]], 0, 0
+    (samples,) = runner.samples(cell, ImpactWindow(0, 2 * int(settled.indices["impacts"][stuck[0]])))
+    (samples,) = runner.samples(cell, ImpactWindow(_first_after_rest(samples), 1))
+    while impacts < TURNS * WATCHED and not runner.stop.is_set():
+        shares = MOVED * np.random.default_rng(tried).uniform(-1.0, 1.0, (RELEASES * (tried + 1), 1))
+        cells = cell.copies(len(shares)).at(
+            samples.last_displacement, samples.last_velocity * (1.0 + shares), samples.last_phase
+        )
+        others = settle(runner, settled.osc, cells, windows, leaves=False)
+        tried, impacts = 2 * tried + 1, impacts + int(others.indices["impacts"].sum())
+        elsewhere = np.flatnonzero(~_intermittent(others) & (others.kind != MotionClass.UNDECIDED))
+        if elsewhere.size:
+            names = [others[at].name for at in elsewhere.tolist()]
+            at = elsewhere[names.index(Counter(names).most_common(1)[0][0])]
+            settled.cells.table[stuck], settled.passing[stuck] = cells.table[at], others.passing[at]
+            for column, values in zip(settled.columns, others.columns, strict=True):
+                column[stuck] = values[at]
+            return
+
+
+def _first_after_rest(samples: Samples) -> int:
+    """Return the number of the first impact after the first rest that ended."""
+    ends = samples.rest_end.sum(axis=1)
+    return int(np.searchsorted(samples.impact_turns, ends[np.isfinite(ends)].min(initial=math.inf), side="right"))
 
 
 def _winds_on(runner: Runner, settled: Settled, winds: NDArray[np.bool_], window: ImpactWindow) -> bool:

@@ -1,4 +1,4 @@
-"""The periodic force on a system, and vectors over its coordinates or points."""
+"""The periodic force on a system, vectors over its coordinates or points, and the zeros of sums of harmonics."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.by_value import ByValue
+from vibroimpact.cells import Floats
 from vibroimpact.matrices import numbers
 from vibroimpact.parameters import OF_ONE_MASS, counted, hertz, invalid, radians, whole_number
 
@@ -146,3 +147,18 @@ def checked_force(force: Any) -> Force:
     if not isinstance(force, Force):
         raise invalid("force", force, "a Force", "leave it out for an unforced system")
     return force
+
+
+def angles_of_zeros(orders: Floats, level: float, factors: Any) -> list[float]:
+    """Return the angles in [0, 2 pi) of all zeros z of level + sum of (factor z^h - its conjugate z^-h)/(2i)."""
+    top = int(orders.max(initial=0.0))
+    series = np.zeros(2 * top + 1, complex)
+    series[top] = level
+    for order, factor in zip(orders.astype(int), factors, strict=True):
+        series[top + order], series[top - order] = factor / 2j, -np.conj(factor) / 2j
+    while len(series) > 1 and abs(series[-1]) <= np.finfo(np.float64).eps * np.abs(series).max():
+        series = series[1:-1]
+    if len(series) < 2:
+        return []
+    turn = 2.0 * np.pi
+    return [float(angle) for angle in np.angle(np.roots(series[::-1])) % turn if angle < turn]

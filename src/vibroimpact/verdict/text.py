@@ -174,7 +174,9 @@ def _without_impacts(verdict: Verdict) -> str:
         if gap <= EQUAL * size:
             held.setdefault(stop.element.holds, []).append(called)
     places = [f"{words} {listed(names)}" for words, names in sorted(held.items())]
-    return ", ".join(places if name in " ".join(places) else [name, *places])  # "at rest at table" says that it rests
+    if name not in " ".join(places):  # "at rest at the stop" says that it rests
+        places.insert(0, name)
+    return ", ".join(places)
 
 
 def _energy(verdict: Verdict) -> Iterator[str]:

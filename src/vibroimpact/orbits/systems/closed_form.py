@@ -26,6 +26,7 @@ from itertools import pairwise
 import numpy as np
 
 from vibroimpact.cells import Floats
+from vibroimpact.model.force import angles_of_zeros
 from vibroimpact.orbits.cycle import Cycle
 from vibroimpact.orbits.equations import RESONANT, TURN, UNFORCED
 from vibroimpact.parameters import counted
@@ -153,7 +154,7 @@ def roots(orders: Floats, coefficients: Floats) -> list[float]:
 
     angles = [0.0]
     for level, factors in ((constant, sines + 1j * cosines), (0.0, orders * (-cosines + 1j * sines))):
-        angles += _angles_of_zeros(orders, level, factors)
+        angles += angles_of_zeros(orders, level, factors)
     ends = np.unique(angles)
     heights = np.array([value(angle) for angle in ends])
     touching = np.abs(heights) <= 8.0 * EPS * size
@@ -172,20 +173,6 @@ def roots(orders: Floats, coefficients: Floats) -> list[float]:
         if not kept or not (same(kept[-1], angle) or same(angle, kept[0] + TURN)):
             kept.append(angle)
     return kept
-
-
-def _angles_of_zeros(orders: Floats, level: float, factors: Floats) -> list[float]:
-    """Return the angles in [0, 2 pi) of all zeros z of level + sum of (factor z^h - its conjugate z^-h)/(2i)."""
-    top = int(orders.max(initial=0.0))
-    series = np.zeros(2 * top + 1, complex)
-    series[top] = level
-    for order, factor in zip(orders.astype(int), factors, strict=True):
-        series[top + order], series[top - order] = factor / 2j, -np.conj(factor) / 2j
-    while len(series) > 1 and abs(series[-1]) <= EPS * np.abs(series).max():
-        series = series[1:-1]
-    if len(series) < 2:
-        return []
-    return [float(angle) for angle in np.angle(np.roots(series[::-1])) % TURN if angle < TURN]
 
 
 def _between(value: Curve, slope: Curve, low: float, high: float, rising: bool) -> float:

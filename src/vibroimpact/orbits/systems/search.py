@@ -161,9 +161,8 @@ class SystemSearch(Search):
         if n_impacts == 2 and n_periods % 2 and not self.mirror[1]:
             symmetric = self.striking(n_periods, symmetric=True)
         orbits = [orbit for orbit in symmetric if orbit.admissible]
-        settled = self._from_rest(n_periods, n_impacts)
-        known = tuple(orbits)
-        orbits += [orbit for orbit in settled if orbit.admissible and not any(same_orbit(orbit, one) for one in known)]
+        settled = [orbit for orbit in self._from_rest(n_periods, n_impacts) if orbit.admissible]
+        orbits += [orbit for orbit in settled if not any(same_orbit(orbit, other) for other in orbits)]
         resting = [] if orbits else find_sticking(self.model, n_periods, NOTHING)
         orbits += [orbit for orbit in resting if orbit.n_impacts == n_impacts]
         if orbits:
