@@ -1,5 +1,7 @@
 """What is born where a branch folds, doubles, grazes or turns quasi-periodic, and what the engine does beside it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,8 @@ from branching import first, specials, values_of
 from contents import special_points
 from systems import chain, impact_damper, one_mass, symmetric_orbit
 from vibroimpact.continuation import follow_all
+from vibroimpact.continuation.flights import equations_of
+from vibroimpact.continuation.points import Solution
 from vibroimpact.orbits import orbit_distance
 
 pytestmark = pytest.mark.usefixtures("modal_engine")
@@ -72,6 +76,52 @@ def test_doubled_orbits_are_those_of_the_oscillator():
         assert ours.outcome == theirs.outcome
         assert [kind for kind, _ in specials(ours)] == [kind for kind, _ in specials(theirs)]
         assert [at for _, at in specials(ours)] == pytest.approx([at for _, at in specials(theirs)], rel=1e-10)
+
+
+# Grazes
+
+BESIDE_GRAZES = {  # by n and p: the oscillator, the range of omega, and the bifurcations of the branch
+    (1, 4): (
+        vi.ImpactOscillator(mass=0.3847, damping=0.2101, omega=1.2534, restitution=0.7066, gap=-0.28695),
+        (1.1, 1.5),
+        ["grazing", "period_doubling", "grazing"],
+    ),
+    (4, 2): (
+        vi.ImpactOscillator(mass=0.7865, damping=0.03055, omega=2.8232, restitution=0.79348, gap=0.37876),
+        (2.26, 2.9),
+        ["grazing", "period_doubling"],
+    ),
+}
+
+
+def beside_grazes(cycle, as_model, step=0.01):
+    osc, ends, kinds = BESIDE_GRAZES[cycle]
+    model = as_model(osc)
+    (orbit, *_) = vi.find_orbit(model, n_periods=cycle[0], n_impacts=cycle[1], near=vi.impact_section(model))
+    return vi.continue_orbit(orbit, "omega", ends, step=step), kinds
+
+
+@pytest.mark.parametrize("cycle", BESIDE_GRAZES, ids=str)
+@pytest.mark.parametrize("step", [0.01, 0.03, 0.1])
+def test_a_step_may_hide_neither_a_doubling_before_a_graze_nor_the_first_of_two_grazes(as_model, cycle, step):
+    """Where the velocity of an impact passes zero, a multiplier passes through infinity, from -1 to 1 or back."""
+    branch, kinds = beside_grazes(cycle, as_model, step)
+    assert [point.kind for point in branch.special] == kinds
+    finer, _ = beside_grazes(cycle, as_model, 0.005)
+    values = [point.value for point in branch.special]
+    assert values == pytest.approx([point.value for point in finer.special], rel=1e-10)
+    assert all(point.orbit.admissible for point in branch.special)
+
+
+@pytest.mark.parametrize("away", [-1e-10, 1e-10])
+def test_rounding_does_not_decide_whether_the_orbit_of_a_graze_is_admissible(as_model, away):
+    branch, _ = beside_grazes((1, 4), as_model)
+    equations, z = equations_of(branch.special[0].orbit, ("omega",), ((1.1, 1.5),))
+    graze = Solution(*equations.at_graze(equations.pack(z)))
+    deeper = replace(graze, x=graze.x + away * np.eye(len(graze.x))[-1])
+    assert deeper.touches
+    assert deeper.admissible
+    assert deeper.orbit.admissible
 
 
 # Folds

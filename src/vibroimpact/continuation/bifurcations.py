@@ -27,11 +27,9 @@ TRIES = 12  # attempts, with the amplitude halved each time
 def between(a: Point, b: Point) -> list[Solution]:
     """Return the bifurcations between two neighbouring points of a branch, in the order of the branch."""
     changed = [condition for condition in a.tests if (a.tests[condition] > 0.0) != (b.tests[condition] > 0.0)]
-    at_impact = LAST_IMPACT in changed
-    wanted = [FOLD] if FOLD in changed else []
-    wanted += [condition for condition in (DOUBLING, TORUS) if condition in changed and not at_impact]
-    grazes = [condition for condition in (LAST_IMPACT, TOUCH) if condition in changed][:1]
-    wanted += grazes if a.clear != b.clear else []
+    wanted = [condition for condition in (FOLD, DOUBLING) if condition in changed]
+    wanted += [TORUS] if TORUS in changed and LAST_IMPACT not in changed else []
+    wanted += [condition for condition in GRAZING if condition in changed and a.clear != b.clear]
     located = [special for condition in wanted if (special := _located(condition, a, b)) is not None]
     return sorted(located, key=lambda special: float((special.on_branch - a.x) @ (b.x - a.x)))
 

@@ -280,6 +280,7 @@ class Equations(ABC):
         step = STEP * size
         return (misses(x[j] + step) - misses(x[j] - step)) / (2.0 * step)
 
+    @np.errstate(over="ignore", invalid="ignore")  # what is not finite ends the search
     def newton(self, x: Floats, row: Floats | None = None, target: float | None = None) -> Corrected:
         """Return the solution near x, with row . x = target (its own by default)."""
         x = x.copy()

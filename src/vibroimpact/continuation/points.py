@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from vibroimpact.continuation.equations import FOLD, LAST_IMPACT, TOUCH, Equations, Nearest
+from vibroimpact.continuation.equations import DOUBLING, FOLD, INSIDE, LAST_IMPACT, TOUCH, Equations, Nearest
 from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
@@ -25,8 +25,10 @@ class Solution:
 
     @cached_property
     def orbit(self) -> Orbit:
-        """The orbit at the point."""
-        return self.equations.orbit(self.x)
+        """The orbit at the point; at a graze, the sign of the clearance at the touch is rounding."""
+        orbit = self.equations.orbit(self.x)
+        rounded = self.touches and self.nearest is not None and self.nearest.margin < -ROUNDING
+        return replace(orbit, admissible=True, message="") if rounded and self.admissible else orbit
 
     @property
     def value(self) -> float:
@@ -44,9 +46,19 @@ class Solution:
         return self.equations.nearest(self.x)
 
     @property
+    def touches(self) -> bool:
+        """Whether the closest approach is the touch that defines a graze."""
+        at, near = self.equations, self.nearest
+        if at.condition != TOUCH or near is None or (near.flight, near.stop) != (at.impact, at.stop):
+            return False
+        return abs(near.turns - at.touch(self.x)) < INSIDE
+
+    @property
     def margin(self) -> float:
         """The clearance at the closest approach, relative to the orbit's size; infinite if there is none."""
-        return self.nearest.margin if self.nearest else math.inf
+        if self.nearest is None:
+            return math.inf
+        return 0.0 if self.touches else self.nearest.margin
 
     @property
     def parted(self) -> bool:
@@ -119,12 +131,15 @@ class Point(Solution):
 
     @cached_property
     def tests(self) -> dict[str, float]:
-        """The test function of each condition."""
+        """The test function of each condition; a multiplier is infinite, not -1, where the speed of an impact is 0."""
+        multipliers = self.equations.tests(self.x)
+        if np.count_nonzero(self.speeds < 0.0) % 2 and DOUBLING in multipliers:
+            multipliers[DOUBLING] = -multipliers[DOUBLING]
         return {
             FOLD: float(self.tangent[-1]),
             LAST_IMPACT: float(self.speeds.min()),
             TOUCH: self.margin,
-            **self.equations.tests(self.x),
+            **multipliers,
         }
 
     def nears(self, other: Point) -> bool:
