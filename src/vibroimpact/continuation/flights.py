@@ -138,9 +138,10 @@ class Flights(Equations):
     def _condition(self, parameters: list[float], z: Floats, ahead: float, length: float, speed: float) -> list[float]:
         """Return the scaled conditions of the boundary; a touch is `ahead` s away."""
         cycle = self.cycle
-        if self.condition in (FOLD, DOUBLING):
-            trace = cycle.trace(parameters, z)
-            return [(1.0 - trace if self.condition == FOLD else 1.0 + trace) + cycle.determinant(parameters)]
+        if self.condition == FOLD:
+            return [1.0 - cycle.trace(parameters, z) + cycle.determinant(parameters)]
+        if self.condition == DOUBLING:
+            return [self._doubling(parameters, z, speed)]
         if self.condition == LAST_IMPACT:
             return [float(z[cycle.n_impacts + self.impact]) / speed]
         if self.condition == TOUCH:
@@ -148,6 +149,12 @@ class Flights(Equations):
             gap, slope = flight_of(parameters).after(angle, rate, ahead)
             return [gap / length, slope / speed]
         return []
+
+    def _doubling(self, parameters: list[float], z: Floats, speed: float) -> float:
+        """Return (1 + mu_1) (1 + mu_2) times the lowest velocity: where that is 0, a multiplier is infinite."""
+        cycle = self.cycle
+        product = 1.0 + cycle.trace(parameters, z) + cycle.determinant(parameters)
+        return product * float(z[cycle.n_impacts :].min()) / speed
 
     def flights_jacobian(self, x: Floats) -> Floats:
         """Return the scaled derivative of the flights' residuals with respect to turns and velocities."""
@@ -204,8 +211,7 @@ class Flights(Equations):
 
     def tests(self, x: Floats) -> dict[str, float]:
         """Return the test of period doublings."""
-        cycle, parameters = self.cycle, self.parameters(x)
-        return {DOUBLING: 1.0 + cycle.trace(parameters, self.solution(x)) + cycle.determinant(parameters)}
+        return {DOUBLING: self._doubling(self.parameters(x), self.solution(x), self.speed)}
 
     def residual(self, x: Floats) -> float:
         """Return the residual of the flights and of the condition, relative to the orbit's size."""

@@ -6,11 +6,11 @@ their ranges. The modes change with the parameters; since the state refers to on
 parameters smoothly even where modes change their order. The conditions in addition to the residuals of the cycle are,
 with the multipliers mu,
 
-    fold: 1 - mu,   period doubling: 1 + mu,   Neimark-Sacker: 1 - mu_i mu_j of a complex pair,
+    fold: 1 - mu,   period doubling: (1 + mu) v,   Neimark-Sacker: 1 - mu_i mu_j of a complex pair,
     grazing: the velocity of one impact, or clearance and rate at the touch.
 
 The first three are evaluated for the multipliers that come closest to satisfying them, with the sign of the product
-over all.
+over all. Where v, the lowest velocity of the impacts, passes 0, one multiplier passes through infinity.
 
 An orbit that is its own mirror image half a cycle later has a half map, the flow of half a cycle and then the mirror.
 Its multipliers h make those of the cycle, mu = h^2: at h = 1 symmetric orbits fold. At h = -1 the half map doubles its
@@ -175,7 +175,12 @@ class Modes(Equations):
             after = flow.struck(event.stop, cycle.states(unknown)[self.impact], flow.drive(begin))
             touching = flow.fly(after, begin, at, pushing)
             return np.array(flow.touching(self.stop, touching, flow.drive(at), pushing)) / self.scale
-        return np.array([_TESTS[self.condition](cycle.multipliers(unknown))])
+        value = _TESTS[self.condition](cycle.multipliers(unknown))
+        return np.array([value * self._slowest(cycle, unknown) if self.condition == DOUBLING else value])
+
+    def _slowest(self, cycle: Cycle, unknown: Floats) -> float:
+        """Return the lowest speed: where it passes 0, a multiplier passes through infinity, and 1 + mu changes sign."""
+        return float(cycle.speeds(unknown).min()) / self.scale
 
     def fits(self, x: Floats) -> bool:
         """Whether a touch is inside its flight, and two multipliers whose product is 1 are a complex pair."""
@@ -280,6 +285,7 @@ class Modes(Equations):
         cycle, unknown = self.solved(x)
         multipliers = cycle.multipliers(unknown)
         values = {condition: _TESTS[condition](multipliers) for condition in (DOUBLING, TORUS)}
+        values[DOUBLING] *= self._slowest(cycle, unknown)
         return {condition: value if abs(value) > NOISE else NOISE for condition, value in values.items()}
 
     def halves(self, x: Floats) -> Floats | None:

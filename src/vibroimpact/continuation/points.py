@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from vibroimpact.continuation.equations import DOUBLING, FOLD, INSIDE, LAST_IMPACT, TOUCH, Equations, Nearest
+from vibroimpact.continuation.equations import FOLD, INSIDE, LAST_IMPACT, TOUCH, Equations, Nearest
 from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
@@ -131,15 +131,12 @@ class Point(Solution):
 
     @cached_property
     def tests(self) -> dict[str, float]:
-        """The test function of each condition; a multiplier is infinite, not -1, where the speed of an impact is 0."""
-        multipliers = self.equations.tests(self.x)
-        if np.count_nonzero(self.speeds < 0.0) % 2 and DOUBLING in multipliers:
-            multipliers[DOUBLING] = -multipliers[DOUBLING]
+        """The test function of each condition."""
         return {
             FOLD: float(self.tangent[-1]),
             LAST_IMPACT: float(self.speeds.min()),
             TOUCH: self.margin,
-            **multipliers,
+            **self.equations.tests(self.x),
         }
 
     def nears(self, other: Point) -> bool:
