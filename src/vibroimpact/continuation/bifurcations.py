@@ -21,16 +21,26 @@ from vibroimpact.orbits.equations import Floats
 from vibroimpact.parameters import invalid
 
 HALVINGS = 12  # halvings of a step in search of the bifurcations inside it
+AS_GRAZE = 1e-8  # of a parameter: no machine is set so exactly
 TRIES = 12  # attempts, with the amplitude halved each time
 
 
 def between(a: Point, b: Point) -> list[Solution]:
-    """Return the bifurcations between two neighbouring points of a branch, in the order of the branch."""
+    """Return the bifurcations between two neighbouring points of a branch, in the order of the branch.
+
+    A doubling just beside a graze counts as the graze, where a multiplier is infinite.
+    """
     changed = [condition for condition in a.tests if (a.tests[condition] > 0.0) != (b.tests[condition] > 0.0)]
     wanted = [condition for condition in (FOLD, DOUBLING) if condition in changed]
     wanted += [TORUS] if TORUS in changed and LAST_IMPACT not in changed else []
     wanted += [condition for condition in GRAZING if condition in changed and a.clear != b.clear]
     located = [special for condition in wanted if (special := _located(condition, a, b)) is not None]
+    grazes = [special.value for special in located if special.kind == "grazing"]
+    located = [
+        special
+        for special in located
+        if special.kind != DOUBLING or all(abs(special.value - at) > AS_GRAZE * abs(at) for at in grazes)
+    ]
     return sorted(located, key=lambda special: float((special.on_branch - a.x) @ (b.x - a.x)))
 
 

@@ -104,6 +104,9 @@ def continue_orbit(
     still rests. Along the branch its chatter gains and loses impacts of 1e-9 V. An orbit takes about 10 ms for one
     mass, 20 to 50 ms for a system.
 
+    Where the velocity of an impact on a rigid stop passes 0, a multiplier passes through infinity, so the orbit often
+    doubles its period just before. A doubling within 1e-8 of the value of such a graze counts as the graze.
+
     At a graze of a compliant stop a contact appears or disappears, and the branch continues with or without it; it ends
     where no impact is left. If the stop is undamped, the multipliers are continuous: the graze is marked but is no
     bifurcation. If it is damped, the force jumps at contact and the multipliers jump at the graze, where the branch may
