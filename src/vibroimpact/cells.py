@@ -15,7 +15,6 @@ from vibroimpact.parameters import invalid
 
 if TYPE_CHECKING:
     from vibroimpact.model import State
-    from vibroimpact.model.oscillator import ImpactOscillator
 
 Floats = NDArray[np.float64]
 
@@ -238,24 +237,16 @@ class Tiling:
         return math.prod(part.stop - part.start for part in self[number])
 
 
-def cells_at(osc: ImpactOscillator, clearance: Floats, velocity: Floats, turns: Floats) -> Cells:
-    """Return one cell of an oscillator per initial condition, at times in driving periods."""
-    return Cells.of(osc.values | _start(clearance, velocity, turns))
-
-
 def _start(clearance: Any, velocity: Any, turns: Floats) -> dict[str, Any]:
     whole = np.floor(turns)
     return {"clearance": clearance, "velocity": velocity, "periods": whole, "phase": turns - whole}
 
 
-def check_single(name: str, start: State) -> None:
-    """Raise if an initial condition of several coordinates is given for one mass."""
-    if isinstance(start.displacement, tuple):
-        raise invalid(name, start, "a State of one mass", "give its displacement and velocity as numbers, not as lists")
-
-
 def _check_start(start: State, gap: Floats, turns: Floats, nowhere: Floats) -> None:
-    check_single("start", start)
+    if isinstance(start.displacement, tuple):
+        raise invalid(
+            "start", start, "a State of one mass", "give its displacement and velocity as numbers, not as lists"
+        )
     nearest = float(np.min(gap, initial=np.inf))
     rounding = BEYOND * (abs(nearest) + abs(start.displacement)) + float(np.min(nowhere, initial=np.inf))
     if start.displacement - nearest > rounding:

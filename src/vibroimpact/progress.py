@@ -70,7 +70,6 @@ def _reporter(progress: bool | Report | None, label: str, inside: bool) -> Itera
     elif progress is None or not truth("progress", progress):
         yield lambda done, total, partial: None
     else:
-        began = compiling.clock()
         with _bar() as bar:
             task, began = bar.add_task(label, total=None, detail="", left=""), compiling.clock()
 

@@ -133,7 +133,13 @@ def test_classes_agree_with_the_names_read_off_the_impacts(spread):
         kind = MotionClass(int(vi.classify(spread)["motion"][at]))
         section = vi.impact_section(OSC.replace(omega=SPREAD[at]), start=vi.State(-1.0), transient_impacts=3000)
         if kind != MotionClass.UNDECIDED:
-            assert vi.recognise(section).kind == kind.word, SPREAD[at]
+            motion, cell = vi.recognise(section), spread.isel(omega=at)
+            assert motion.kind == kind.word, SPREAD[at]
+            if motion.n_periods:
+                assert (int(cell["n_periods"]), int(cell["n_impacts"])) == (motion.n_periods, motion.n_impacts)
+    named = (spread["n_periods"] > 0) & (spread["n_impacts"] > 0)
+    ratio = (spread["n_impacts"] / spread["n_periods"]).values[named]
+    np.testing.assert_array_equal(ratio, spread["impacts_per_period"].values[named])
 
 
 def test_the_exponent_per_time_decides_as_the_one_per_impact(spread):

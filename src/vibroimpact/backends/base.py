@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -283,25 +283,6 @@ class Backend(Protocol):
         If possible, both come from one run.
         """
         return self.indices(cell, measurement), self.samples(cell, sampling)[0]
-
-
-@runtime_checkable
-class SharesCells(Protocol):
-    """A back end whose threads each take the next cell in turn, so that all end at about the same time.
-
-    With up to `alone` cells, one thread is as fast as several.
-    """
-
-    alone: int
-
-    def share(
-        self, cells: Cells, measurement: Measurement
-    ) -> Callable[[Callable[[], bool]], Iterator[tuple[Counts, Outcome]]]:
-        """Return the work of a thread: a function that yields finished cells with their `indices`.
-
-        Its argument is a function that says when to stop.
-        """
-        ...
 
 
 def energy_loss(mass: float, restitution: float) -> float:

@@ -29,7 +29,7 @@ class CpuBackend(Backend):
     name = sampler = "cpu"
     smallest_tile = 64  # two rounds of lanes
     largest_tile = 4096
-    alone = LANES
+    alone = LANES  # cells: for as many, one thread is as fast as several
     known_indices = frozenset(INDICES | RESPONSES)
 
     def indices(self, cells: Cells, measurement: Measurement) -> Outcome:

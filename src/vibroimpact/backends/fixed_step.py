@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import astuple, dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,8 +43,7 @@ _ROOM = 4096  # steps and impacts between two tests of whether the motion has en
 _MARCH = 1 << 24  # steps per call, about 0.1 s, between checks for an interrupt
 
 
-@dataclass(frozen=True)
-class State:
+class State(NamedTuple):
     """Distance to the stop u = g - y in m, velocity y' in m/s, time (periods + phase) T."""
 
     clearance: float
@@ -53,40 +52,21 @@ class State:
     phase: float
 
 
-class FreeMotion:
-    """The motion of one oscillator away from its stop, y'' + c/m y' + k/m y = f/m sin wt."""
-
-    def __init__(
-        self, *, mass: float, damping: float, stiffness: float, amplitude: float, omega: float, gap: float
-    ) -> None:
-        self.damp, self.stiff, self.drive = damping / mass, stiffness / mass, amplitude / mass
-        self.omega, self.gap, self.period = omega, gap, 2.0 * math.pi / omega
-        self.natural = math.sqrt(self.stiff)
-
-    def never_again(self, state: State) -> bool:
-        """Whether the stop stays out of reach: R + sqrt(z^2 + (m/k) z'^2) < g, with z = y - steady motion."""
-        impedance = self.stiff - self.omega**2 + 1j * self.damp * self.omega
-        if impedance == 0.0 or self.gap <= 0.0:
-            return False
-        steady = self.drive / impedance * np.exp(2j * math.pi * state.phase)
-        z, dz = self.gap - state.clearance - steady.imag, state.velocity - self.omega * steady.real
-        return bool(abs(steady) + math.hypot(z, dz / self.natural) < self.gap)
-
-
 class Run:
-    """The time integration of one oscillator."""
+    """The time integration of one oscillator; away from its stop, y'' + c/m y' + k/m y = f/m sin wt."""
 
     def __init__(self, cell: dict[str, float], time_step: float, tolerances: Tolerances) -> None:
         self.start = State(**{name: cell.pop(name) for name in ("clearance", "velocity", "periods", "phase")})
-        self.design = cell.copy()
-        self.restitution = cell.pop("restitution")
-        self.loss = energy_loss(cell["mass"], self.restitution)
-        self.free = free = FreeMotion(**cell)
-        self.h = time_step
-        origin = self.start.phase * free.period
-        self.law = free.damp, free.stiff, free.drive, free.omega, free.gap, self.restitution, origin, time_step
-        self.longest_flight = tolerances.flight_periods * 2.0 * math.pi / min(free.omega, free.natural)
-        self.y, self.v, self.step = free.gap - self.start.clearance, self.start.velocity, 0
+        self.design, self.h = cell, time_step
+        self.omega, self.gap, self.restitution = (cell[name] for name in ("omega", "gap", "restitution"))
+        self.damp, self.stiff, self.drive = (
+            cell[name] / cell["mass"] for name in ("damping", "stiffness", "amplitude")
+        )
+        self.period, self.natural = 2.0 * math.pi / self.omega, math.sqrt(self.stiff)
+        origin = self.start.phase * self.period
+        self.law = self.damp, self.stiff, self.drive, self.omega, self.gap, self.restitution, origin, time_step
+        self.longest_flight = tolerances.flight_periods * 2.0 * math.pi / min(self.omega, self.natural)
+        self.y, self.v, self.step = self.gap - self.start.clearance, self.start.velocity, 0
         self.impact_steps: list[NDArray[np.int64]] = []
         self.impact_velocities: list[Floats] = []
         self.count, self.flight_from = 0, 0
@@ -115,9 +95,18 @@ class Run:
                 break
             if not math.isfinite(self.y) or (self.step - self.flight_from) * self.h > self.longest_flight:
                 return Status.BUDGET
-            if self.y < self.free.gap and self.free.never_again(self.state()):
+            if self.y < self.gap and self._never_again(self.state()):
                 return Status.STOPPED_IMPACTING if self.count else Status.NO_IMPACT
         return Status.OK
+
+    def _never_again(self, state: State) -> bool:
+        """Whether the stop stays out of reach: R + sqrt(z^2 + (m/k) z'^2) < g, with z = y - steady motion."""
+        impedance = self.stiff - self.omega**2 + 1j * self.damp * self.omega
+        if impedance == 0.0 or self.gap <= 0.0:
+            return False
+        steady = self.drive / impedance * np.exp(2j * math.pi * state.phase)
+        z, dz = self.gap - state.clearance - steady.imag, state.velocity - self.omega * steady.real
+        return bool(abs(steady) + math.hypot(z, dz / self.natural) < self.gap)
 
     def _look(self, steps: NDArray[np.int64]) -> Floats:
         """Return (y, y') at ascending steps; fewer rows if the scheme diverges."""
@@ -132,14 +121,14 @@ class Run:
 
     def times(self, steps: NDArray[np.int64]) -> tuple[Floats, Floats]:
         """Return whole periods and phase at steps."""
-        turns = self.start.phase + steps * (self.h / self.free.period)
+        turns = self.start.phase + steps * (self.h / self.period)
         whole = np.floor(turns)
         return self.start.periods + whole, turns - whole
 
     def state(self) -> State:
         """Return the present state of the mass; a position beyond the stop while moving back is set to the stop."""
         periods, phase = self.times(np.array([self.step]))
-        return State(max(self.free.gap - self.y, 0.0), self.v, float(periods[0]), float(phase[0]))
+        return State(max(self.gap - self.y, 0.0), self.v, float(periods[0]), float(phase[0]))
 
     def _impacts(self) -> Floats:
         """Return (periods, phase, velocity) of all impacts so far."""
@@ -148,31 +137,25 @@ class Run:
         periods, phase = self.times(np.concatenate(self.impact_steps))
         return np.column_stack([periods, phase, np.concatenate(self.impact_velocities)])
 
-    def impacts(self, window: ImpactWindow) -> tuple[Samples, int]:
-        """Return the samples of an impact window, and how many impacts were recorded in all."""
+    def impacts(self, window: ImpactWindow) -> Samples:
+        """Return the samples of an impact window."""
         ended = self.fill(window.transient + window.keep)
         kept = self._impacts()[window.transient :]
         span = float((kept[-1, 0] - kept[0, 0]) + (kept[-1, 1] - kept[0, 1])) if len(kept) else 0.0
         status = window_status(sampled=len(kept), wanted=window.keep, stuck=False, periods=span, ended=ended)
-        return self._samples(kept, np.empty((0, 4)), status), self.count
-
-    def indices(self, window: ImpactWindow) -> tuple[Samples, int, dict[str, float]]:
-        """Return the samples of an impact window, the number of impacts recorded, and the indices of the kept ones."""
-        samples, computed = self.impacts(window)
-        return samples, computed, impact_indices(samples, self.loss) if Status(samples.status).has_indices else {}
+        return self._samples(kept, np.empty((0, 4)), status)
 
     def looks(self, window: LooksWindow) -> Samples:
         """Return the samples of a window of times."""
         periods, phase = window.schedule(self.start.periods, self.start.phase)
-        ahead = ((periods - self.start.periods) + (phase - self.start.phase)) * self.free.period
+        ahead = ((periods - self.start.periods) + (phase - self.start.phase)) * self.period
         at = np.rint(ahead / self.h).astype(np.int64)
         states = self._look(at)
         status = Status.OK if len(states) == window.keep else Status.BUDGET
         return self._samples(self._impacts(), np.column_stack([*self.times(at[: len(states)]), states]), status)
 
     def _samples(self, impacts: Floats, looks: Floats, status: Status) -> Samples:
-        last = astuple(self.state())
-        sticks = np.empty((0, 4))
+        last, sticks = self.state(), np.empty((0, 4))
         with np.errstate(over="ignore"):  # energies of a motion that does not stay finite
             return Samples.of_one_mass(
                 self.design, impacts=impacts, looks=looks, sticks=sticks, status=status, last=last, steps=self.step
@@ -227,22 +210,29 @@ class FixedStepBackend(OfOneMass):
         return (Run(cell, self.time_step, measurement.tolerances) for cell in cells)
 
     def _indices(self, cells: Cells, measurement: Measurement) -> Outcome:
-        rows = [run.indices(measurement.impacts) for run in self._runs(cells, measurement)]
+        runs = list(self._runs(cells, measurement))
+        samples = [run.impacts(measurement.impacts) for run in runs]
+        rows = [
+            impact_indices(sample, energy_loss(run.design["mass"], run.restitution))
+            if Status(sample.status).has_indices
+            else {}
+            for run, sample in zip(runs, samples, strict=True)
+        ]
         table: Outcome = {
-            index.name: np.array([indices.get(index.name, index.fill) for _, _, indices in rows], dtype=index.dtype)
+            index.name: np.array([indices.get(index.name, index.fill) for indices in rows], dtype=index.dtype)
             for index in INDICES.values()
         }
         return table | {
-            "status": np.array([samples.status for samples, _, _ in rows], dtype=np.int8),
-            "impacts": np.array([impacts for _, impacts, _ in rows], dtype=np.int64),
-            "steps": np.array([samples.steps for samples, _, _ in rows], dtype=np.int64),
+            "status": np.array([sample.status for sample in samples], dtype=np.int8),
+            "impacts": np.array([run.count for run in runs], dtype=np.int64),
+            "steps": np.array([sample.steps for sample in samples], dtype=np.int64),
         }
 
     def _samples(self, cells: Cells, measurement: Measurement) -> list[Samples]:
         window = measurement.window
         runs = self._runs(cells, measurement)
         if isinstance(window, ImpactWindow):
-            return [run.impacts(window)[0] for run in runs]
+            return [run.impacts(window) for run in runs]
         return [run.looks(window) for run in runs]
 
 

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -85,20 +85,20 @@ class ResponseCurve(Shown):
     @cached_property
     def dataset(self) -> xr.Dataset:
         """The curve as a labelled dataset over `point`, its special points over `special`; a line joins each `part`."""
-        points = [_Points(at, values, *self._free(values)) for at, values in enumerate(self.steady)]
-        points += [self._of_orbits(at, branch) for at, branch in enumerate(self.branches, len(points))]
+        parts = [(values, *self._free(values)) for values in self.steady]
+        parts += [(branch.values, *self._of_orbits(branch)) for branch in self.branches]
+        values, rows, impacts, stable = map(np.concatenate, zip(*parts, strict=True))
         special, units = self.special, self.units
-        content = responses("point", [row for part in points for row in part.rows])
+        content = responses("point", rows)
         content |= {
-            "part": plain_variable("point", np.repeat([p.part for p in points], [len(p.rows) for p in points]), PART),
-            "impacts": plain_variable("point", np.concatenate([p.impacts for p in points]), IMPACTS),
-            "stable": flags("point", np.concatenate([p.stable for p in points]), "whether it is stable", STABLE),
+            "part": plain_variable("point", np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts]), PART),
+            "impacts": plain_variable("point", impacts, IMPACTS),
+            "stable": flags("point", stable, "whether it is stable", STABLE),
             "special_kind": kind_variable("special", [point.kind for point in special]),
             "special_value": axis(self.model, self.parameter, "special", [point.value for point in special], units),
         }
         of_special = responses("special", [response_of(point.orbit, of=self.of) for point in special])
         content |= {f"special_{name}": column for name, column in of_special.items()}
-        values = np.concatenate([part.values for part in points])
         attrs = provenance("response_curve", self.model, self.arguments) | {"message": self.message}
         along = axis(self.model, self.parameter, "point", values, self.units)
         return dataset_of(content, {self.parameter: along}, attrs)
@@ -110,10 +110,10 @@ class ResponseCurve(Shown):
         rows = [NOTHING if motion is None else motion.response(row, stop) for motion in motions]
         return rows, np.zeros(len(rows), int), np.ones(len(rows), int)
 
-    def _of_orbits(self, at: int, branch: Branch) -> _Points:
-        rows = [response_of(orbit, of=self.of) for orbit in branch.orbits]
+    def _of_orbits(self, branch: Branch) -> tuple[list[Response], Floats, Floats]:
+        """Return responses, impacts and stability of the orbits of a branch."""
         impacts, stable = np.array([(orbit.n_impacts, orbit.stable) for orbit in branch.orbits]).T
-        return _Points(at, branch.values, rows, impacts, stable)
+        return [response_of(orbit, of=self.of) for orbit in branch.orbits], impacts, stable
 
     @property
     def special(self) -> list[BifurcationPoint]:
@@ -130,16 +130,6 @@ class ResponseCurve(Shown):
         head = ("orbits with contact", "number", *(labelled(end, unit) for end in ("from", "to")))
         notes = [f"largest amplitude: {largest[at]:.4g} m at {where}", shown.attrs["message"]]
         return Table(f"response along {self.parameter}", head, rows, notes)
-
-
-class _Points(NamedTuple):
-    """The points of one part of a curve."""
-
-    part: int
-    values: Floats
-    rows: list[Response]
-    impacts: Any
-    stable: Any
 
 
 def response_curve(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vibroimpact.cells import Floats
 from vibroimpact.dataset import (
     bifurcation_name,
     dataset_of,
@@ -203,7 +204,7 @@ class Branch(Shown):
         return dataset_of(content, {self.parameter: values})
 
 
-def responses(dim: str, rows: Sequence[Response]) -> dict[str, Any]:
+def responses(dim: str, rows: Sequence[Response] | Floats) -> dict[str, Any]:
     """Return responses as labelled variables."""
     columns = np.array(rows).reshape(-1, len(DISPLACEMENTS)).T
     named = zip(DISPLACEMENTS, columns, strict=True)

@@ -16,8 +16,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from vibroimpact.backends import Backend, Cells, Measurement, get_backend
-from vibroimpact.backends.base import Counts, Outcome, SharesCells
+from vibroimpact.backends import Cells, Measurement, get_backend
+from vibroimpact.backends.base import Counts, Outcome
 from vibroimpact.execution.base import Part, Pieces, flat
 from vibroimpact.parameters import whole_number
 from vibroimpact.request import Places, Request
@@ -92,13 +92,14 @@ def _block(request: Request, parts: Sequence[Part], first: int, most: int) -> li
 
 
 def run_sweep(
-    engine: Backend, cells: Cells, measurement: Measurement, workers: int, stop: Event
+    engine: Any, cells: Cells, measurement: Measurement, workers: int, stop: Event
 ) -> Iterator[tuple[Counts | slice, Outcome]]:
     """Yield which cells have ended, and their indices, until all have or `stop` is set.
 
-    No cell depends on another, so the results do not depend on `workers`.
+    No cell depends on another, so the results do not depend on `workers`. If a back end can `share` cells, each thread
+    takes the next one in turn, so that all end at about the same time.
     """
-    if not isinstance(engine, SharesCells):
+    if not hasattr(engine, "share"):
         yield from run_tiles(
             lambda part: engine.indices(cells[part], measurement),
             tiles(len(cells), workers, engine.smallest_tile, engine.largest_tile),

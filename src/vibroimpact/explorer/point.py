@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
-from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
 
@@ -77,15 +75,18 @@ class Point:
         return places
 
 
-def compute_point(view: View, model: Model | None = None) -> Point:
-    """Return the results for the view's point, or for another point from rest.
+def compute_point(view: View) -> Point:
+    """Return the results for the view's point."""
+    return motion_at(*view.point_key)
+
+
+def motion_at(model: Model, start: State | None, settled: bool, samples: int, coordinate: int, stop: int) -> Point:
+    """Return the results for a model from an initial condition.
 
     One run is both measured and recorded. Only if its record is too short, a second run continues from it.
     """
-    start = view.start if model is None else None
-    model = model or view.osc
     system = system_of(model)
-    shown = views.view_of_page(system, view.coordinate, view.stop)
+    shown = views.view_of_page(system, coordinate, stop)
     ratio = system.omega / system.slowest_frequency
     lead = max(20, int(LEAD * min(ratio, 1.0)))
     oscillations = LOOKS if system.forgets else LOOKS // 2  # these take ten times as long
@@ -96,21 +97,21 @@ def compute_point(view: View, model: Model | None = None) -> Point:
         start=start,
         indices=tuple(INDICES),
         transient_impacts=TRANSIENT,
-        sample_impacts=view.samples,
+        sample_impacts=samples,
         periods=lead + looks,
         samples_per_period=density,
-        tolerances=budget(stiffness(model), TRANSIENT + view.samples),
+        tolerances=budget(stiffness(model), TRANSIENT + samples),
         patience=budget(stiffness(model), lead + looks),
     )
     orbit = _projected(shown, orbit)
     status, indices = Status(int(indices.pop("status"))), with_missing(indices, system)
     n, p = int(indices["n_periods"]), int(indices["n_impacts"])
-    kind = MotionClass(int(decide(status, view.samples * indices["lyapunov_per_impact"], n, p)))
+    kind = MotionClass(int(decide(status, samples * indices["lyapunov_per_impact"], n, p)))
     origin = "From rest" if start is None else "From the chosen initial condition"
 
-    impact_map = _impact_map(system, start, orbit, n, 0 < n <= looks or not status.has_indices, view.stop)
+    impact_map = _impact_map(system, start, orbit, n, 0 < n <= looks or not status.has_indices, stop)
     length = max(2.0, min(40.0, HISTORY / density)) * system.period
-    parts, settled = None, view.settled
+    parts = None
     if settled:
         parts = _settled(shown, orbit, lead * system.period, length, n, status.has_indices)
         begin = _hardest(system, impact_map) if parts is None and status.has_indices else None
@@ -122,7 +123,7 @@ def compute_point(view: View, model: Model | None = None) -> Point:
         system=system,
         shown=shown,
         name=motion_name(kind, n, p),
-        sentence=f"{origin}: {_settled_motion(system, kind, status, indices, TRANSIENT + view.samples)}",
+        sentence=f"{origin}: {_settled_motion(system, kind, status, indices, TRANSIENT + samples)}",
         n_periods=n,
         settled=settled,
         indices=indices,
@@ -272,27 +273,6 @@ def find_others(view: View, keep_going: KeepGoing) -> list[Attractor]:
     """
     limits = budget(stiffness(view.osc), START_IMPACTS)
     return vi.attractors(view.osc, tolerances=limits, workers=1, progress=lambda *progress: keep_going())
-
-
-class Motions:
-    """Cache of the last few motions of a page, so that returning to one costs nothing."""
-
-    def __init__(self) -> None:
-        self._points: dict[Hashable, Point] = {}
-        self._lock = threading.Lock()
-
-    def of(self, view: View, osc: Model | None = None) -> Point:
-        """Return the motion at the view's point, or at another point from rest."""
-        key = view.point_key if osc is None else (osc, None, *view.point_key[2:])
-        with self._lock:
-            point = self._points.get(key)
-        if point is None:
-            point = compute_point(view, osc)
-            with self._lock:
-                while len(self._points) >= REMEMBERED:
-                    del self._points[next(iter(self._points))]
-                self._points[key] = point
-        return point
 
 
 def _settled_motion(system: Any, kind: MotionClass, status: Status, indices: dict[str, float], impacts: int) -> str:

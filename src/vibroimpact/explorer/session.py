@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 from vibroimpact.coexistence import Attractor
@@ -12,7 +13,7 @@ from vibroimpact.explorer import work
 from vibroimpact.explorer.limits import Range, with_axes, with_ranges
 from vibroimpact.explorer.models import Find, find_ready_made
 from vibroimpact.explorer.plane import Curves, KeepGoing, Line, Plane, Stored, compute_line, find_curves
-from vibroimpact.explorer.point import Motions, Point, find_others
+from vibroimpact.explorer.point import REMEMBERED, Point, find_others, motion_at
 from vibroimpact.explorer.state import (
     LETTERS,
     MOST_PINS,
@@ -80,7 +81,8 @@ class Explorer:
         self._owns_pool, self._started = pool is None, False
         self._work = Work(pool or Pool(), self._failed, lambda: self._send(("rest", None)))
         self._lock = self._work.lock
-        self._motions = Motions()
+        # Returning to one of the last motions costs nothing.
+        self._motions: Callable[..., Point] = lru_cache(REMEMBERED)(motion_at)
         self._past: list[View] = []
         self._future: list[View] = []
         self._gesture: tuple[str, float] = ("", 0.0)
@@ -280,7 +282,7 @@ class Explorer:
         def job() -> None:
             point: Point | None = None
             try:
-                point = self._motions.of(view)
+                point = self._motions(*view.point_key)
             finally:
                 with self._lock:  # meanwhile the view may have changed, or may have been sent
                     messages: list[Message] = [("view", self.view)] if send_view else []
@@ -295,7 +297,7 @@ class Explorer:
         view = self.view
 
         def job() -> None:
-            pins = [self._motions.of(view, pin) for pin in view.pins]
+            pins = [self._motions(pin, None, *view.point_key[2:]) for pin in view.pins]
             with self._lock:
                 if view.pins != self.view.pins:  # a later job will send it, or has done so
                     return

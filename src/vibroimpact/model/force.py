@@ -149,6 +149,12 @@ def checked_force(force: Any) -> Force:
     return force
 
 
+def turning_values(orders: Floats, factors: Any) -> tuple[Floats, Floats]:
+    """Return 0 and the angles at which the sum of Im(factor e^{i h x}) turns, and its values there."""
+    angles = np.array([0.0, *angles_of_zeros(orders, 0.0, 1j * orders * factors)])
+    return angles, (np.exp(1j * np.outer(angles, orders)) @ factors).imag
+
+
 def angles_of_zeros(orders: Floats, level: float, factors: Any) -> list[float]:
     """Return the angles in [0, 2 pi) of all zeros z of level + sum of (factor z^h - its conjugate z^-h)/(2i)."""
     top = int(orders.max(initial=0.0))

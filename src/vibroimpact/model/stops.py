@@ -17,7 +17,7 @@ from vibroimpact.by_value import ByValue, written
 from vibroimpact.contact import Law
 from vibroimpact.matrices import ROUNDING, nearest, numbers
 from vibroimpact.model.elements import NUMBERS, Element, element_of
-from vibroimpact.model.force import angles_of_zeros, by_order, check_length, vector
+from vibroimpact.model.force import by_order, check_length, turning_values, vector
 from vibroimpact.parameters import SMALLEST, invalid, real_number, several
 
 STOPS = 64  # at most: a set of stops is the bits of a number
@@ -286,8 +286,7 @@ def check_room(stops: Sequence[Stop], mass: Any) -> None:
 def _least_shift(motion: Mapping[int, complex]) -> tuple[float, float]:
     """Return the least of the sum of Im d_h exp(i h w t), and its phase: one of the zeros of the rate of change."""
     orders, sizes = np.array(list(motion), np.float64), np.array(list(motion.values()), np.complex128)
-    angles = np.array([0.0, *angles_of_zeros(orders, 0.0, 1j * orders * sizes)])
-    shifts = (np.exp(1j * np.outer(angles, orders)) @ sizes).imag
+    angles, shifts = turning_values(orders, sizes)
     at = int(np.argmin(shifts))
     return float(shifts[at]), float(angles[at] / (2.0 * np.pi))
 

@@ -234,16 +234,16 @@ class SystemCells(Cells):
 
     def _at_stops(self, stops: Any) -> tuple[Floats, Floats, Floats]:
         """Return alpha, alpha over the modal masses, and their product, for one stop of each cell."""
-        alpha, jump = (self._by_stop(name)[np.arange(len(self)), stops] for name in ("alpha", "jump"))
+        alpha, jump = (self.by_stop(name)[np.arange(len(self)), stops] for name in ("alpha", "jump"))
         return alpha, jump, (alpha * jump).sum(axis=1)
 
-    def _by_stop(self, name: str) -> Floats:
+    def by_stop(self, name: str) -> Floats:
         """Return a block with one number per stop and mode, for every cell."""
         return self.block(name).reshape(len(self), self.shape.stops, self.shape.modes)
 
     def _before_stops(self) -> SystemCells:
         """Return the cells; those beyond a rigid stop are moved to the nearest point in front of all rigid ones."""
-        table, alpha, rigid = self.table.copy(), self._by_stop("alpha"), self.bars
+        table, alpha, rigid = self.table.copy(), self.by_stop("alpha"), self.bars
         clearances = self._clearances(self.block("turn"), self.block("eta"))
         for row in np.flatnonzero(self.beyond().any(axis=1)).tolist():
             masses, barring = np.diag(self.block("weight")[row]), rigid[row]
@@ -304,7 +304,7 @@ class SystemCells(Cells):
     def beyond(self) -> Floats:
         """Return the depth in m of each initial condition beyond each rigid stop; 0 if it is within rounding."""
         eta = self.block("eta")
-        size = np.abs(self.block("gap")) + (np.abs(self._by_stop("alpha")) @ np.abs(eta)[..., None])[..., 0]
+        size = np.abs(self.block("gap")) + (np.abs(self.by_stop("alpha")) @ np.abs(eta)[..., None])[..., 0]
         rounding = BEYOND * size + NOWHERE * (self["scale"] / self["omega"])[:, None]
         depth = -self._clearances(self.block("turn"), eta)
         return np.where((depth > rounding) & self.bars, depth, 0.0)
@@ -318,7 +318,7 @@ class SystemCells(Cells):
         """Return the clearances of all stops at (sin wt, cos wt)."""
         waves, motion = self._waves(turn)
         moved = (motion[..., 0] * waves.imag + motion[..., 1] * waves.real).sum(axis=-1)
-        clearances: Floats = self.block("gap") + moved - (self._by_stop("alpha") @ eta[..., None])[..., 0]
+        clearances: Floats = self.block("gap") + moved - (self.by_stop("alpha") @ eta[..., None])[..., 0]
         return clearances
 
     def _moving(self, turn: Floats) -> Floats:

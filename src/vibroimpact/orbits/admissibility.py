@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
-from vibroimpact.cells import cells_at
+from vibroimpact.backends import Cells, ImpactWindow, Measurement, Samples, get_backend
 from vibroimpact.kernels.cell import MOST
 from vibroimpact.kernels.flight import REACH
 from vibroimpact.model.oscillator import ImpactOscillator
@@ -28,7 +27,7 @@ class NearMiss:
 
 def contacts(osc: ImpactOscillator, phases: Floats, velocities: Floats, following: int) -> list[Samples]:
     """Return, for an impact at each phase and velocity, that impact and those that follow it."""
-    cells = cells_at(osc, np.zeros(len(phases)), np.asarray(velocities, float), np.asarray(phases, float))
+    cells: Cells = osc.cells({}).copies(len(phases)).striking(0, velocities, phases)
     cells = cells.replace(phase=np.minimum(cells["phase"], 1.0 - 2.0**-53))  # a phase just below 1 may round up to 1
     return get_backend("cpu").samples(cells, Measurement(ImpactWindow(0, following + 1)))
 

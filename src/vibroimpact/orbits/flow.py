@@ -232,13 +232,9 @@ class Flow:
         by_angle[self.n :] = factor * float(self.bounds[stop] @ self.turning @ self.turning @ z) * beta
         return by_state, by_angle
 
-    def retardation(self, stop: int) -> float:
-        """Return c/k of a stop, the weight of the clearance's rate in its force; 0 for a rigid stop."""
-        return float(self.viscosity[stop] / self.stiffness[stop]) if self.compliant[stop] else 0.0
-
     def lag(self, stop: int) -> float:
-        """Return l: a contact ends where u + l u' = 0, as the force does."""
-        return self.retardation(stop)
+        """Return l = c/k of a stop, 0 if rigid: its force is proportional to u + l u' and ends where that is 0."""
+        return float(self.viscosity[stop] / self.stiffness[stop]) if self.compliant[stop] else 0.0
 
     def rotation(self, angle: float | Floats) -> Floats:
         """Return the matrix by which z is multiplied over an angle, or over many."""

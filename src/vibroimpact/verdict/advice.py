@@ -105,21 +105,16 @@ def hit(motion: Measured) -> float:
     return motion.hardest if followed and not math.isnan(motion.hardest) else math.inf
 
 
-@dataclass(frozen=True)
-class CycleStates:
-    """States of a present motion through its cycle: displacements in m, velocities in m/s and driving phases."""
-
-    displacement: Floats
-    velocity: Floats
-    phase: Floats
-
-    def cells(self, cell: Cells, every: int = 1) -> Cells:
-        """Return the states as cells of a single changed design."""
-        y, v, phase = (column[::every] for column in (self.displacement, self.velocity, self.phase))
-        return cell.copies(len(phase)).carried(y, v, phase)
+States = tuple[Floats, Floats, Floats]  # displacements in m, velocities in m/s and driving phases
 
 
-def present_cycles(osc: Any, motions: Sequence[Coexisting], runner: Runner) -> list[CycleStates]:
+def on_cycle(cell: Cells, states: States, every: int = 1) -> Cells:
+    """Return states of a present motion as cells of a single changed design."""
+    y, v, phase = (column[::every] for column in states)
+    return cell.copies(len(phase)).carried(y, v, phase)
+
+
+def present_cycles(osc: Any, motions: Sequence[Coexisting], runner: Runner) -> list[States]:
     """Return the states of each motion at instants spread evenly over its cycle, or over 16 periods of chaos."""
     cycles = []
     for motion in motions:
@@ -127,7 +122,7 @@ def present_cycles(osc: Any, motions: Sequence[Coexisting], runner: Runner) -> l
         per_period = math.ceil(INSTANTS / periods)
         window = StroboscopicWindow(0, periods * per_period, None, per_period)
         (samples,) = runner.samples(carried(osc, motion.start), window)
-        cycles.append(CycleStates(samples.look_displacement, samples.look_velocity, samples.look_phase))
+        cycles.append((samples.look_displacement, samples.look_velocity, samples.look_phase))
     return cycles
 
 
@@ -137,7 +132,7 @@ class Trials:
 
     target: Target
     runner: Runner
-    cycles: Sequence[CycleStates]
+    cycles: Sequence[States]
     orbits: Sequence[Any]
     branches: Branches
 
@@ -160,7 +155,7 @@ class Trials:
         return benefits
 
     def _at_rest_and_present(self, cell: Cells) -> Cells:
-        return Cells.join([cell, *(cycle.cells(cell, INSTANTS) for cycle in self.cycles)])
+        return Cells.join([cell, *(on_cycle(cell, states, INSTANTS) for states in self.cycles)])
 
     def test(self, varied: Range, value: float) -> list[Measured]:
         """Return the motions from all initial conditions, or from as few as show that there is no benefit."""
@@ -192,7 +187,7 @@ class Trials:
         """
         design = varied.at(value)
         cell = design.cells({})
-        cells = Cells.join([cell, spread_cells(cell), *(cycle.cells(cell) for cycle in self.cycles)])
+        cells = Cells.join([cell, spread_cells(cell), *(on_cycle(cell, states) for states in self.cycles)])
         number = len(cells)
         mixed = np.argsort(np.arange(number) % FEW, kind="stable")
         first, *others = np.split(mixed, [number // FEW, number // 4, number // 2])

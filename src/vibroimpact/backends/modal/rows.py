@@ -50,7 +50,7 @@ def in_steps(cells: SystemCells, chatter: float, layout: Layout) -> Floats:
             table[:, first : first + size] = cells.block(name) * step ** _POWERS.get(name, 0)
     _address_laws(layout, table)
     table[:, layout.tick] = step[:, 0]
-    s, grip = layout.stops, np.einsum("ijk,ijk->ij", *(_by_stop(cells, name) for name in ("alpha", "jump")))
+    s, grip = layout.stops, np.einsum("ijk,ijk->ij", *map(cells.by_stop, ("alpha", "jump")))
     table[:, layout.hard : layout.hard + s] = table[:, layout.spring : layout.spring + s] * grip / REACH**2
     table[:, layout.thick : layout.thick + s] = table[:, layout.dashpot : layout.dashpot + s] * grip / REACH
     prepare_leaps(layout, table)
@@ -76,10 +76,6 @@ def _address_laws(k: Layout, table: Floats) -> None:
         laws[stops] = address_of(law.code, law.formula.rule)
         if law.formula.table is not None:
             numbers[stops] = law.formula.table.ctypes.data
-
-
-def _by_stop(cells: SystemCells, name: str) -> Floats:
-    return cells.block(name).reshape(len(cells), cells.shape.stops, cells.shape.modes)
 
 
 def budgets_of(cells: SystemCells, tolerances: Tolerances, total: float) -> Floats:

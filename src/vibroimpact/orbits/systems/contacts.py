@@ -40,13 +40,13 @@ def _on_compliant(cycle: Cycle, unknown: Floats, at: int) -> Contact:
     for stop, leg in _legs(cycle, unknown, at):
         for samples in sampled(leg) if stop in leg.pushing else ():
             (row,) = samples.series(clearances(flow)[[stop]])
-            pull = pulls(row, flow.retardation(stop))
+            pull = pulls(row, flow.lag(stop))
             nodes, weights = np.polynomial.legendre.leggauss(NODES)
             nodes, weights = 0.5 * samples.step * (nodes + 1.0), 0.5 * samples.step * weights
             slopes, pulling, gaps = row[1:] * np.arange(1.0, len(row))[:, None], samples.along(pull), samples.along(row)
             pulled = np.polynomial.polynomial.polyval(nodes, pulling[:, :-1])
             impulse -= float((pulled @ weights).sum())
-            if flow.retardation(stop):
+            if flow.lag(stop):
                 rates = np.polynomial.polynomial.polyval(nodes, samples.along(slopes)[:, :-1])
                 lost += float(((pulled * rates) @ weights).sum())
             force, depth = (
@@ -56,7 +56,7 @@ def _on_compliant(cycle: Cycle, unknown: Floats, at: int) -> Contact:
             time, ended, speed = time + samples.angles[-1] - samples.angles[0], since + samples.angles[-1], gaps[1, -1]
         since += leg.duration
     length, omega = float(flow.lengths[struck]), flow.omega
-    unit = float(flow.stiffness[struck]) * (1.0 + flow.retardation(struck)) * omega  # of impulses over the length
+    unit = float(flow.stiffness[struck]) * (1.0 + flow.lag(struck)) * omega  # of impulses over the length
     whole = impulse * unit / length, time / omega, -force[0] * unit * omega / length, -depth[0] * length
     ends = length * omega * speed, ended / omega, force[1] / omega, depth[1] / omega
     return Contact(*map(float, (*whole, unit * omega * lost, *ends)))

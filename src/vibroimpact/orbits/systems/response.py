@@ -15,15 +15,14 @@ import numpy as np
 
 from vibroimpact.backends.base import phase_of
 from vibroimpact.cells import Floats
+from vibroimpact.model.force import turning_values
 from vibroimpact.model.modal import ModalForm
 from vibroimpact.model.points import observed
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.cycle import Leg, cycle_of
-from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.systems.sampling import TERMS, Samples, sampled, turning_points
 
 PLACES, WEIGHTS = np.polynomial.legendre.leggauss(3)
-SAMPLED = 32  # places in a period of the highest harmonic between which turning points are sought
 
 
 class Response(NamedTuple):
@@ -170,19 +169,5 @@ def steady_motion(system: ImpactSystem) -> Steady | None:
 
 def extremes(mean: float, phasors: Any, orders: Any) -> tuple[float, float]:
     """Return the smallest and the largest value of a mean and harmonics Im(Y_h e^{i h x})."""
-    if np.count_nonzero(phasors) < 2:
-        swing = float(np.abs(phasors).sum())
-        return mean - swing, mean + swing
-    x = np.linspace(0.0, TURN, SAMPLED * int(orders.max()), endpoint=False)
-
-    def value(x: Floats, order: int) -> Any:
-        """Return the derivative of that order."""
-        return ((phasors * (1j * orders) ** order) @ np.exp(1j * np.multiply.outer(orders, x))).imag
-
-    slopes = value(x, 1)
-    turning = np.flatnonzero(slopes * np.roll(slopes, -1) <= 0.0)
-    at = x[turning] - slopes[turning] * (x[1] - x[0]) / (np.roll(slopes, -1) - slopes)[turning]
-    for _ in range(3):
-        at = at - value(at, 1) / value(at, 2)
-    values = mean + np.append(value(x, 0), value(at, 0))
-    return float(values.min()), float(values.max())
+    values = turning_values(orders, phasors)[1]
+    return float(mean + values.min()), float(mean + values.max())
