@@ -40,7 +40,7 @@ from vibroimpact.coexistence.settling import Settled, chaotic_groups, cycle_grou
 from vibroimpact.model import State
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits.cycle import cycle_of
-from vibroimpact.orbits.distance import Impacts, equal_parts, points_of
+from vibroimpact.orbits.distance import Impacts, points_of, smallest_cycle
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.search import settled_orbit
 
@@ -314,10 +314,9 @@ def _hardest(speeds: Floats, stops: Counts) -> int:
 
 def _smallest(samples: Samples, span: slice, n: int) -> tuple[int, slice]:
     """Return the smallest number of periods, and the impacts, after which a cycle repeats."""
-    p, impacts = span.stop - span.start, Impacts(samples.impact_phase[span], samples.impact_velocity[span])
-    points = np.column_stack([points_of(impacts, np.max(impacts.velocities)), samples.impact_stop[span]])
-    parts = equal_parts(n, points, SAME)
-    return n // parts, slice(span.start, span.start + p // parts)
+    impacts = Impacts(samples.impact_phase[span], samples.impact_velocity[span])
+    n, p = smallest_cycle(n, impacts, samples.impact_stop[span], tolerance=SAME)
+    return n, slice(span.start, span.start + p)
 
 
 def _by_derivative(orbit: Orbit) -> float:

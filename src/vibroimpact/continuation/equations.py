@@ -16,6 +16,7 @@ import numpy as np
 
 from vibroimpact.model import Model
 from vibroimpact.orbits.equations import Floats
+from vibroimpact.orbits.events import Nearest
 from vibroimpact.orbits.orbit import Orbit, value_of
 
 BRANCH, FOLD, DOUBLING, TORUS = "branch", "fold", "period_doubling", "neimark_sacker"
@@ -39,16 +40,6 @@ class Corrected(NamedTuple):
     x: Floats
     corrections: int
     jacobian: Floats | None = None
-
-
-class Nearest(NamedTuple):
-    """Closest approach of an orbit to a stop between impacts: flight, turns, clearance relative to its size, stop."""
-
-    flight: int
-    turns: float
-    margin: float
-    stop: int = 0
-    beside: float = math.inf  # least relative clearance, at an impact, of a stop that is not struck
 
 
 @dataclass(frozen=True, kw_only=True)

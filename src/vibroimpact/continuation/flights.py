@@ -28,13 +28,13 @@ from vibroimpact.continuation.equations import (
     NUDGE,
     TOUCH,
     Equations,
-    Nearest,
     Range,
 )
 from vibroimpact.continuation.modes import modes_of
 from vibroimpact.model.oscillator import ImpactOscillator, the_oscillator
 from vibroimpact.orbits.admissibility import closest, nearest_misses, orbit_size
 from vibroimpact.orbits.equations import TURN, Cycle, Floats, fastest_of, flight_of, parameters_of
+from vibroimpact.orbits.events import Nearest
 from vibroimpact.orbits.one_mass import make_orbit, solution_of
 from vibroimpact.orbits.orbit import Orbit
 
@@ -205,9 +205,7 @@ class Flights(Equations):
 
     def nearest(self, x: Floats) -> Nearest | None:
         """Return the closest approach of the mass to the stop between impacts."""
-        osc, z = self.oscillator_at(x), self.solution(x)
-        miss = closest(osc, self.cycle, z)
-        return None if miss is None else Nearest(miss.flight, miss.turns, miss.gap / orbit_size(osc, z))
+        return closest(self.oscillator_at(x), self.cycle, self.solution(x))
 
     def tests(self, x: Floats) -> dict[str, float]:
         """Return the test of period doublings."""
@@ -225,8 +223,7 @@ class Flights(Equations):
     def touching(self, x: Floats) -> Nearest | None:
         """Return the near-miss whose gap is closest to zero; at a graze, another flight may penetrate the stop."""
         misses = nearest_misses(self.oscillator, self.cycle, self.solution(x))
-        miss = min(misses, key=lambda miss: abs(miss.gap), default=None)
-        return None if miss is None else Nearest(miss.flight, miss.turns, miss.gap)
+        return min(misses, key=lambda miss: abs(miss.margin), default=None)
 
     def halves(self, x: Floats) -> Floats | None:
         """Return the difference between the halves of a doubled orbit."""

@@ -42,13 +42,12 @@ from vibroimpact.continuation.equations import (
     TORUS,
     TOUCH,
     Equations,
-    Nearest,
     Range,
 )
 from vibroimpact.continuation.grazes import gaining, losing
 from vibroimpact.orbits.cycle import Cycle, cycle_of
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.events import GRAZE, LET_GO, Event
+from vibroimpact.orbits.events import GRAZE, LET_GO, Event, Nearest
 from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.symmetry import mirror
@@ -277,8 +276,7 @@ class Modes(Equations):
 
     def nearest(self, x: Floats) -> Nearest:
         """Return the closest approach of the system to any stop between impacts."""
-        flight, angle, margin, stop, beside = nearest_of(*self.solved(x))
-        return Nearest(flight, angle / TURN, margin, stop, beside)
+        return nearest_of(*self.solved(x))
 
     def tests(self, x: Floats) -> dict[str, float]:
         """Return the tests of period doublings (or pitchforks) and Neimark-Sacker points."""

@@ -9,10 +9,11 @@ from functools import cached_property
 
 import numpy as np
 
-from vibroimpact.continuation.equations import FOLD, INSIDE, LAST_IMPACT, TOUCH, Equations, Nearest
+from vibroimpact.continuation.equations import FOLD, INSIDE, LAST_IMPACT, TOUCH, Equations
 from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
+from vibroimpact.orbits.events import Nearest
 from vibroimpact.orbits.orbit import Orbit
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from vibroimpact.backends import Cells, ImpactWindow, Measurement, Samples, get_backend
@@ -11,18 +9,10 @@ from vibroimpact.kernels.cell import MOST
 from vibroimpact.kernels.flight import REACH
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.orbits.equations import SAME, TURN, Cycle, Flight, Floats, fastest_of, flight_of, parameters_of
+from vibroimpact.orbits.events import Nearest
 
 ROUNDING = 1e-12  # relative to the orbit's size: the sign of a smaller gap is undecided
 LOWEST = 3  # number of sampled near-misses that are refined
-
-
-@dataclass(frozen=True)
-class NearMiss:
-    """Closest approach of a flight to the stop between its ends: flight, turns, gap in m (negative: penetration)."""
-
-    flight: int
-    turns: float
-    gap: float
 
 
 def contacts(osc: ImpactOscillator, phases: Floats, velocities: Floats, following: int) -> list[Samples]:
@@ -38,9 +28,9 @@ def orbit_size(osc: ImpactOscillator, z: Floats) -> float:
     return float(np.abs(z[len(z) // 2 :]).max()) / fastest + osc.velocity_scale / osc.natural_frequency
 
 
-def nearest_misses(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> list[NearMiss]:
+def nearest_misses(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> list[Nearest]:
     """Return the closest near-miss of each flight that has one."""
-    flight, misses = flight_of(parameters_of(osc)), []
+    flight, size, misses = flight_of(parameters_of(osc)), orbit_size(osc, z), []
     for i in range(cycle.n_impacts):
         begin, end = cycle.span(z, i)
         if end <= begin:
@@ -53,13 +43,13 @@ def nearest_misses(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> list[NearM
         minima = [_minimum(flight, angle, rate, float(times[j]), float(times[j + 1])) for j in likely]
         if minima:
             time, gap = min(minima, key=lambda minimum: minimum[1])
-            misses.append(NearMiss(i, begin + time / osc.period, gap))
+            misses.append(Nearest(i, begin + time / osc.period, gap / size))
     return misses
 
 
-def closest(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> NearMiss | None:
-    """Return the near-miss of the lowest gap, if there is one."""
-    return min(nearest_misses(osc, cycle, z), key=lambda miss: miss.gap, default=None)
+def closest(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> Nearest | None:
+    """Return the near-miss of the lowest clearance, if there is one."""
+    return min(nearest_misses(osc, cycle, z), key=lambda miss: miss.margin, default=None)
 
 
 def _minimum(flight: Flight, angle: float, rate: float, low: float, high: float) -> tuple[float, float]:
@@ -104,15 +94,14 @@ def objection(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
         wrong = _first_difference(samples, end - begin, float(speeds[(i + 1) % p]), fastest)
         if wrong:
             graze = closest(osc, cycle, z)
-            grazes = graze is not None and abs(graze.gap) <= ROUNDING * orbit_size(osc, z)
-            return "" if grazes else f"after impact {i + 1} {wrong}"
+            return "" if graze and abs(graze.margin) <= ROUNDING else f"after impact {i + 1} {wrong}"
     return ""
 
 
 def _beyond(osc: ImpactOscillator, cycle: Cycle, z: Floats) -> str:
     """Return a sentence that says where a flight penetrates the stop between its ends; empty if none does."""
     for miss in nearest_misses(osc, cycle, z):
-        if miss.gap < -ROUNDING * orbit_size(osc, z):
+        if miss.margin < -ROUNDING:
             return f"after impact {miss.flight + 1} the mass would penetrate the stop at phase {miss.turns % 1.0:.6g}"
     return ""
 

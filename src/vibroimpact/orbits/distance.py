@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -72,14 +72,15 @@ def points_of(cycle: HasImpacts, fastest: float) -> Floats:
     return np.column_stack([np.sin(angles), np.cos(angles), np.asarray(cycle.velocities) / (fastest or 1.0)])
 
 
-def equal_parts(n_periods: int, impacts: Floats, tolerance: float = SAME) -> int:
-    """Return the number of equal parts of a cycle, from a table with a row for each of its impacts."""
-    p = len(impacts)
-    most = math.gcd(n_periods, p)
-    for parts in range(most, 1, -1):
-        if most % parts == 0 and np.abs(impacts - np.roll(impacts, p // parts, axis=0)).max() <= tolerance:
-            return parts
-    return 1
+def smallest_cycle(n_periods: int, cycle: HasImpacts, *columns: Any, tolerance: float = SAME) -> tuple[int, int]:
+    """Return the periods and impacts after which a cycle repeats; `columns` hold more numbers of each impact."""
+    impacts = np.column_stack([points_of(cycle, max(cycle.velocities)), *columns])
+    most = math.gcd(n_periods, len(impacts))
+    for parts in range(most, 0, -1):
+        p = len(impacts) // parts
+        if most % parts == 0 and np.abs(impacts - np.roll(impacts, p, axis=0)).max() <= tolerance:
+            break
+    return n_periods // parts, p
 
 
 def same_orbit(a: HasImpacts, b: HasImpacts, *, tolerance: float = SAME) -> bool:

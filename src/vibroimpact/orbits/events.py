@@ -1,7 +1,8 @@
-"""Events of the stops in a cycle: impact, end of the force ("let go"), renewed force ("push again")."""
+"""Events of the stops in a cycle: impact, end of the force ("let go"), renewed force ("push again"); near-misses."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -24,3 +25,13 @@ class Event(NamedTuple):
     def in_mirror(self, images: Sequence[int]) -> Event:
         """Return the mirror image of the event, on the stop's image."""
         return self._replace(stop=images[self.stop])
+
+
+class Nearest(NamedTuple):
+    """Closest approach of an orbit to a stop between impacts: flight, turns, clearance relative to its size, stop."""
+
+    flight: int
+    turns: float
+    margin: float
+    stop: int = 0
+    beside: float = math.inf  # least relative clearance, at an impact, of a stop that is not struck

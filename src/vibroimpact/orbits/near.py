@@ -20,7 +20,7 @@ from vibroimpact.cells import Floats
 from vibroimpact.dataset import model_of, start_of
 from vibroimpact.model import State
 from vibroimpact.motion import NAMING, Motion, MotionClass, decide, may_wind
-from vibroimpact.orbits.distance import Impacts, equal_parts, orbit_distance, points_of
+from vibroimpact.orbits.distance import Impacts, orbit_distance, points_of, smallest_cycle
 from vibroimpact.orbits.results import IMPACTS, Orbits, Search, ordered
 from vibroimpact.parameters import counted
 from vibroimpact.status import Status
@@ -201,9 +201,8 @@ def _settled(search: Search, hits: _Hits, n: int, p: int) -> Orbits:
 
 def _smallest(hits: _Hits, n: int, p: int) -> _Return:
     """Return the first return of a settled motion: after a part of the cycle if all its parts are alike."""
-    impacts, stops = hits.part(0, p), hits.samples.impact_stop[:p]
-    parts = equal_parts(n, np.column_stack([points_of(impacts, max(impacts.velocities)), stops]), ALIKE)
-    return _Return(0.0, 0, p // parts, n // parts)
+    n, p = smallest_cycle(n, hits.part(0, p), hits.samples.impact_stop[:p], tolerance=ALIKE)
+    return _Return(0.0, 0, p, n)
 
 
 def _solved(search: Search, hits: _Hits, back: _Return) -> Orbits:

@@ -20,7 +20,7 @@ from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.orbits import newton
 from vibroimpact.orbits.admissibility import ROUNDING, contacts, objection
-from vibroimpact.orbits.distance import Impacts, equal_parts, points_of, same_orbit
+from vibroimpact.orbits.distance import Impacts, same_orbit, smallest_cycle
 from vibroimpact.orbits.equations import Cycle, Floats, fastest_of, impact_1_orbits, parameters_of
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Orbit, family_of, phases_of
@@ -219,9 +219,7 @@ def from_hardest(cycle: Cycle, z: Floats) -> Floats:
 def true_cycle(cycle: Cycle, z: Floats) -> Cycle:
     """Return the smallest n and p with which the cycle repeats."""
     n, p = cycle.n_periods, cycle.n_impacts
-    impacts, flights = points_of(Impacts.of(z), z[p:].max()), np.diff(np.append(z[:p], z[0] + n))
-    parts = equal_parts(n, np.column_stack([impacts, flights]))
-    return Cycle(n // parts, p // parts)
+    return Cycle(*smallest_cycle(n, Impacts.of(z), np.diff(np.append(z[:p], z[0] + n))))
 
 
 GRID = (40, 28)  # initial impacts: phases, velocities

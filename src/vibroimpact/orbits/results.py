@@ -14,7 +14,7 @@ from vibroimpact.backends import Samples
 from vibroimpact.cells import Floats
 from vibroimpact.model import Model, State
 from vibroimpact.motion import cycle_name
-from vibroimpact.orbits.distance import equal_parts, points_of
+from vibroimpact.orbits.distance import smallest_cycle
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.parameters import choice, counted, invalid, several
@@ -173,11 +173,10 @@ def reached(solved: Solved, name: str, orbit_of: Callable[[Floats], Orbit]) -> O
     if solved.singular or not solved.converged:
         return lost(solved, name)
     orbit = orbit_of(solved.z)
-    n, p = orbit.n_periods, orbit.n_impacts
     stops = [orbit.oscillator.stop_names.index(stop) for stop in orbit.stops]
-    flights = np.diff(np.append(orbit.turns, orbit.turns[0] + n))
-    parts = equal_parts(n, np.column_stack([points_of(orbit, max(orbit.velocities)), flights, stops]))
-    return ordered([orbit]) if parts == 1 else other_name(cycle_name(n // parts, p // parts), name)
+    flights = np.diff(np.append(orbit.turns, orbit.turns[0] + orbit.n_periods))
+    n, p = smallest_cycle(orbit.n_periods, orbit, flights, stops)
+    return ordered([orbit]) if n == orbit.n_periods else other_name(cycle_name(n, p), name)
 
 
 def lost(solved: Solved, name: str) -> Orbits:

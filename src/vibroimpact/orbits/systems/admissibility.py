@@ -12,7 +12,7 @@ from vibroimpact.cells import Floats
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.cycle import Cycle, Leg
 from vibroimpact.orbits.equations import STRIDE, TURN
-from vibroimpact.orbits.events import PUSH_AGAIN, Pushing
+from vibroimpact.orbits.events import PUSH_AGAIN, Nearest, Pushing
 from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.systems.sampling import Samples, evenly, places_of, pulls, sampled, turning_points
 
@@ -120,25 +120,25 @@ def _first_beyond(
     return penetrations[int(np.argmin(firsts))] if penetrations else None
 
 
-def nearest_of(cycle: Cycle, unknown: Floats) -> tuple[int, float, float, int, float]:
+def nearest_of(cycle: Cycle, unknown: Floats) -> Nearest:
     """Return the closest approach of an orbit to a contact, or to the loss of one, between events and at events.
 
-    The result holds the leg, the driving angle, the relative clearance (infinite without a minimum) and the stop of
-    this approach, and the smallest relative clearance of any stop at an event of another stop.
+    Its clearance is infinite without a minimum.
     """
-    nearest, beside = (0, math.nan, math.inf, 0), math.inf
+    nearest, beside = Nearest(0, math.nan, math.inf), math.inf
     tied = cycle.tied(unknown)
     for i, angle in enumerate(unknown[: len(cycle.events)]):
         if tied[i]:
             continue
         ending = cycle.together(unknown, i + 1)
         for course in flown(cycle, unknown, i)[1]:
-            if len(course.lowest) and course.lowest.min() / course.size < nearest[2]:
+            if len(course.lowest) and course.lowest.min() / course.size < nearest.margin:
                 at = int(np.argmin(course.lowest))
-                nearest = i, float(angle + course.places[at]), float(course.lowest[at] / course.size), course.stop
+                turns, margin = float(angle + course.places[at]) / TURN, float(course.lowest[at] / course.size)
+                nearest = Nearest(i, turns, margin, course.stop)
             if course.stop not in ending:
                 beside = min(beside, float(course.gaps[-1] / course.size))
-    return *nearest, beside
+    return nearest._replace(beside=beside)
 
 
 class Course(NamedTuple):
