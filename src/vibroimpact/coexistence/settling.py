@@ -172,8 +172,8 @@ def settle(
     """Compute cells in ever longer windows until each is decided; `report` gets the number undecided after each batch.
 
     After a window, `outlook` gives the final motion of all motions that are chaotic there: lasting chaos, intermittent
-    sticking, or undecided if they differ, in which case all must be continued. Motions of a system whose next rest is
-    determined by rounding end as perturbed ones do if it `leaves` them.
+    sticking, or undecided if they differ, in which case all must be continued. Motions whose next rest is determined by
+    rounding end as perturbed ones do; those of a system only if it `leaves` its rests.
     """
     settled = Settled.of(osc, cells)
     kind, status = settled.kind, settled.status

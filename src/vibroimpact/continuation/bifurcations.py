@@ -28,14 +28,15 @@ TRIES = 12  # attempts, with the amplitude halved each time
 def between(a: Point, b: Point) -> list[Solution]:
     """Return the bifurcations between two neighbouring points of a branch, in the order of the branch.
 
-    A doubling just beside a graze counts as the graze, where a multiplier is infinite.
+    A doubling just beside the place where the velocity of an impact passes zero counts as that graze: a multiplier is
+    infinite there.
     """
     changed = [condition for condition in a.tests if (a.tests[condition] > 0.0) != (b.tests[condition] > 0.0)]
     wanted = [condition for condition in (FOLD, DOUBLING) if condition in changed]
     wanted += [TORUS] if TORUS in changed and LAST_IMPACT not in changed else []
     wanted += [condition for condition in GRAZING if condition in changed and a.clear != b.clear]
     located = [special for condition in wanted if (special := _located(condition, a, b)) is not None]
-    grazes = [special.value for special in located if special.kind == "grazing"]
+    grazes = [special.value for special in located if special.equations.condition == LAST_IMPACT]
     located = [
         special
         for special in located
