@@ -22,6 +22,7 @@ from vibroimpact.parameters import invalid
 
 HALVINGS = 12  # halvings of a step in search of the bifurcations inside it
 AS_GRAZE = 1e-8  # of a parameter: no machine is set so exactly
+BESIDE = 1 / 64  # of the step to a graze: there the orbit is still admissible
 TRIES = 12  # attempts, with the amplitude halved each time
 
 
@@ -31,18 +32,42 @@ def between(a: Point, b: Point) -> list[Solution]:
     A doubling just beside the place where the velocity of an impact passes zero counts as that graze: a multiplier is
     infinite there.
     """
-    changed = [condition for condition in a.tests if (a.tests[condition] > 0.0) != (b.tests[condition] > 0.0)]
+    changed = _changed(a, b)
     wanted = [condition for condition in (FOLD, DOUBLING) if condition in changed]
     wanted += [TORUS] if TORUS in changed and LAST_IMPACT not in changed else []
-    wanted += [condition for condition in GRAZING if condition in changed and a.clear != b.clear]
     located = [special for condition in wanted if (special := _located(condition, a, b)) is not None]
-    grazes = [special.value for special in located if special.equations.condition == LAST_IMPACT]
-    located = [
-        special
-        for special in located
-        if special.kind != DOUBLING or all(abs(special.value - at) > AS_GRAZE * abs(at) for at in grazes)
-    ]
+    graze = _graze(a, b) if a.clear != b.clear else None
+    if graze is not None:
+        beside = AS_GRAZE * abs(graze.value) if graze.equations.condition == LAST_IMPACT else -1.0
+        located = [one for one in located if one.kind != DOUBLING or abs(one.value - graze.value) > beside]
+        located.append(graze)
     return sorted(located, key=lambda special: float((special.on_branch - a.x) @ (b.x - a.x)))
+
+
+def _changed(a: Point, b: Point) -> list[str]:
+    """Return the conditions whose test functions change sign between two points."""
+    return [condition for condition in a.tests if (a.tests[condition] > 0.0) != (b.tests[condition] > 0.0)]
+
+
+def _graze(a: Point, b: Point) -> Solution | None:
+    """Return the graze at which the admissible orbits of a step end, or begin.
+
+    Another flight or impact may graze before the one that is found; then orbits beside that are inadmissible.
+    """
+    inside, outside = (a, b) if a.clear else (b, a)
+    graze = None
+    for _ in range(HALVINGS):
+        conditions = [condition for condition in _changed(inside, outside) if condition in GRAZING]
+        grazes = [_located(condition, inside, outside) for condition in conditions]
+        apart = {float(np.linalg.norm(one.on_branch - inside.x)): one for one in grazes if one is not None}
+        if not apart:
+            break
+        graze = apart[min(apart)]
+        beside = inside.at(graze.on_branch).towards(inside, BESIDE)
+        if beside is None or beside.clear:
+            break
+        outside = beside
+    return graze
 
 
 def lost_contact(a: Point, b: Point) -> Solution | None:
@@ -67,7 +92,7 @@ def _located(condition: str, a: Point, b: Point) -> Solution | None:
         special = _solved(condition, a.x + share * (b.x - a.x), a, b)
         if special is not None:
             return special
-        middle = a.middle(b)
+        middle = a.towards(b)
         if middle is None:
             return None
         a, b = (middle, b) if (middle.tests[condition] > 0.0) == (low > 0.0) else (a, middle)

@@ -332,7 +332,7 @@ def _inside(a: Point, b: Point, longest: float) -> list[Point]:
     weights = a.equations.weights(a.x)
     if np.linalg.norm((b.x - a.x) * weights) <= 1.01 * longest or not b.nears(a):
         return []
-    middle = a.middle(b)
+    middle = a.towards(b)
     return [] if middle is None else [*_inside(a, middle, longest), middle, *_inside(middle, b, longest)]
 
 

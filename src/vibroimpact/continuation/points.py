@@ -114,17 +114,17 @@ class Point(Solution):
         """Return another point of the curve, with its tangent in the same direction."""
         return Point(self.equations, x, self.equations.tangent(x, self.tangent, jacobian))
 
-    def middle(self, other: Point) -> Point | None:
-        """Return the point halfway to another, normal to their chord; None if Newton's method finds none."""
+    def towards(self, other: Point, share: float = 0.5) -> Point | None:
+        """Return the point at a share of the chord to another, normal to it; None if Newton's method finds none."""
         chord = other.x - self.x
-        solution, corrections, jacobian = self.equations.newton(self.x + 0.5 * chord, chord)
+        solution, corrections, jacobian = self.equations.newton(self.x + share * chord, chord)
         return self.at(solution, jacobian) if corrections else None
 
     def furthest(self, other: Point, halvings: int, holds: Callable[[Point], bool]) -> Point:
         """Return the last point on the way to another at which a condition that holds here still holds."""
         inside, outside = self, other
         for _ in range(halvings):
-            middle = inside.middle(outside)
+            middle = inside.towards(outside)
             if middle is None:
                 break
             inside, outside = (middle, outside) if holds(middle) else (inside, middle)
