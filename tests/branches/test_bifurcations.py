@@ -11,6 +11,7 @@ from contents import special_points
 from designs import random_oscillator
 from systems import chain, impact_damper, one_mass, symmetric_orbit
 from vibroimpact.continuation import follow_all
+from vibroimpact.continuation.equations import LAST_IMPACT, TOUCH
 from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.points import Solution
 from vibroimpact.orbits import orbit_distance
@@ -115,14 +116,16 @@ def test_a_step_may_hide_neither_a_doubling_before_a_graze_nor_the_first_of_two_
 
 
 @pytest.mark.parametrize("away", [-1e-10, 1e-10])
-def test_rounding_does_not_decide_whether_the_orbit_of_a_graze_is_admissible(as_model, away):
+@pytest.mark.parametrize(("at", "condition"), [(0, TOUCH), (-1, LAST_IMPACT)])
+def test_rounding_does_not_decide_whether_the_orbit_of_a_graze_is_admissible(as_model, at, condition, away):
     branch, _ = beside_grazes((1, 4), as_model)
-    equations, z = equations_of(branch.special[0].orbit, ("omega",), ((1.1, 1.5),))
+    equations, z = equations_of(branch.special[at].orbit, ("omega",), ((1.1, 1.5),))
     graze = Solution(*equations.at_graze(equations.pack(z)))
-    deeper = replace(graze, x=graze.x + away * np.eye(len(graze.x))[-1])
-    assert deeper.touches
-    assert deeper.admissible
-    assert deeper.orbit.admissible
+    moved = replace(graze, x=graze.x + away)
+    assert moved.equations.condition == condition
+    assert moved.admissible
+    assert moved.orbit.admissible
+    assert any(orbit.admissible for orbit in branch.orbits if orbit.value("omega") == branch.special[at].value)
 
 
 @pytest.mark.long(but=4)

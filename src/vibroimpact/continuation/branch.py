@@ -297,11 +297,12 @@ def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Gen
         for special in between(before, after):
             if special.equations.soft and abs(special.on_branch[-1] - before.x[-1]) <= EDGE:
                 continue  # the graze that the branch comes from
-            way.special.append(special)
+            point = Point(special.equations, special.x, before.tangent)
+            way.special.append(point)
             if special.equations.soft:
                 way.end = "grazing"
                 return special
-            way.points.append(before.at(special.on_branch))
+            way.points.append(point)
             if special.kind == "grazing" and before.clear and not virtual:
                 way.end = "grazing"
                 return None

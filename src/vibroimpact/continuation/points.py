@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from vibroimpact.continuation.equations import FOLD, INSIDE, LAST_IMPACT, TOUCH, Equations
+from vibroimpact.continuation.equations import FOLD, GRAZING, INSIDE, LAST_IMPACT, TOUCH, Equations
 from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
@@ -26,10 +26,10 @@ class Solution:
 
     @cached_property
     def orbit(self) -> Orbit:
-        """The orbit at the point; at a graze, the sign of the clearance at the touch is rounding."""
+        """The orbit at the point; what vanishes at a graze has the sign of rounding, which is not held against it."""
         orbit = self.equations.orbit(self.x)
-        rounded = self.touches and self.nearest is not None and self.nearest.margin < -ROUNDING
-        return replace(orbit, admissible=True, message="") if rounded and self.admissible else orbit
+        rounded = self.equations.condition in GRAZING and not orbit.admissible and self.admissible
+        return replace(orbit, admissible=True, message="") if rounded else orbit
 
     @property
     def value(self) -> float:
