@@ -9,7 +9,7 @@ import vibroimpact as vi
 from branching import first, specials, values_of
 from contents import special_points
 from designs import random_oscillator
-from systems import chain, impact_damper, one_mass, symmetric_orbit
+from systems import chain, drawn, impact_damper, one_mass, symmetric_orbit
 from vibroimpact.continuation import follow_all
 from vibroimpact.continuation.equations import LAST_IMPACT, TOUCH
 from vibroimpact.continuation.flights import equations_of
@@ -144,6 +144,29 @@ def test_branches_of_random_oscillators_bifurcate_alike_as_one_mass_and_as_a_sys
         values.append([(point.kind, point.value / osc.omega) for point in branch.special])
     assert [kind for kind, _ in values[0]] == [kind for kind, _ in values[1]]
     assert [at for _, at in values[0]] == pytest.approx([at for _, at in values[1]], abs=2e-9)
+
+
+MULTIPLIERS = {  # what is zero at a bifurcation
+    "fold": lambda mu: abs(mu - 1.0).min(),
+    "pitchfork": lambda mu: abs(mu - 1.0).min(),
+    "period_doubling": lambda mu: abs(mu + 1.0).min(),
+    "neimark_sacker": lambda mu: abs(abs(mu) - 1.0).min(),
+    "grazing": lambda mu: 0.0,
+}
+
+
+@pytest.mark.long(but=1)
+@pytest.mark.parametrize("seed", [43, 10, 13, 31, 37, 97])
+def test_the_multipliers_of_a_bifurcation_are_those_of_its_kind(seed):
+    """Where the velocity of a contact with a damped stop passes zero, no multiplier is infinite (seeds 43 and 13)."""
+    model = drawn(np.random.default_rng([83, seed]), of_any_kind=True)[0]
+    near = vi.impact_section(model)
+    motion = vi.recognise(near)
+    (orbit, *_) = vi.find_orbit(model, n_periods=motion.n_periods, n_impacts=motion.n_impacts, near=near)
+    gap = {"stop_1_gap": (0.85 * model.stops[0].gap - 0.02, 1.15 * model.stops[0].gap + 0.02)}
+    for parameter, ends in {"omega": (0.85 * model.omega, 1.15 * model.omega), **gap}.items():
+        for point in vi.continue_orbit(orbit, parameter, ends).special:
+            assert MULTIPLIERS[point.kind](np.array(point.orbit.multipliers)) < 1e-5, point
 
 
 # Folds

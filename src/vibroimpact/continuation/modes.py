@@ -10,7 +10,7 @@ with the multipliers mu,
     grazing: the velocity of one impact, or clearance and rate at the touch.
 
 The first three are evaluated for the multipliers that come closest to satisfying them, with the sign of the product
-over all. Where v, the lowest velocity of the impacts, passes 0, one multiplier passes through infinity.
+over all. Where v, the lowest velocity of the impacts on rigid stops, passes 0, one multiplier passes through infinity.
 
 An orbit that is its own mirror image half a cycle later has a half map, the flow of half a cycle and then the mirror.
 Its multipliers h make those of the cycle, mu = h^2: at h = 1 symmetric orbits fold. At h = -1 the half map doubles its
@@ -178,8 +178,9 @@ class Modes(Equations):
         return np.array([value * self._slowest(cycle, unknown) if self.condition == DOUBLING else value])
 
     def _slowest(self, cycle: Cycle, unknown: Floats) -> float:
-        """Return the lowest speed: where it passes 0, a multiplier passes through infinity, and 1 + mu changes sign."""
-        return float(cycle.speeds(unknown).min()) / self.scale
+        """Return the lowest speed at rigid stops, or 1: where it passes 0, a multiplier passes through infinity."""
+        rigid = ~cycle.flow.compliant[[event.stop for event in cycle.events]]
+        return float(cycle.speeds(unknown)[rigid].min(initial=math.inf) / self.scale) if rigid.any() else 1.0
 
     def fits(self, x: Floats) -> bool:
         """Whether a touch is inside its flight, and two multipliers whose product is 1 are a complex pair."""
