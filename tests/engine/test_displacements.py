@@ -279,3 +279,60 @@ def test_a_motion_without_a_part_at_the_driving_frequency_has_no_phase(at_rest):
     assert (found["amplitude"] > 0.0).values.all() != at_rest
     assert np.allclose(found["harmonic_amplitude"], 0.0, atol=1e-15)
     assert found["harmonic_phase"].isnull().all()
+
+
+ELASTIC = vi.ImpactSystem(  # of many impacts a cycle, two stops of which are elastic and one pushes for long
+    mass=np.diag([1.0314554300988048, 0.6146938679442339, 1.1791572105333175]),
+    damping=[
+        [0.034695114309397146, -0.025719622652422124, 0.0],
+        [-0.025719622652422124, 0.035904682069785435, -0.008462221184162113],
+        [0.0, -0.008462221184162113, 0.011767113637466964],
+    ],
+    stiffness=[
+        [3.404238909848441, -2.7529620643908554, 0.0],
+        [-2.7529620643908554, 3.658736391460505, -0.9057743270696494],
+        [0.0, -0.9057743270696494, 0.9057743270696494],
+    ],
+    force=vi.Force(
+        omega=0.44957033681717984,
+        harmonics={
+            1: [
+                -0.6359636610079458 - 0.6740418489403783j,
+                2.2083628035464247 - 0.1702203253176801j,
+                0.05063893013064943 - 0.07337116303241593j,
+            ],
+            2: [
+                0.24281990070041953 + 0.20930035595374485j,
+                0.5230215757017309 + 0.46400445047212957j,
+                -0.24187221606547596 - 0.09367643571198442j,
+            ],
+            3: [
+                0.5698760134135166 + 0.19310630872685536j,
+                -0.051658442445530646 + 0.7758860298696405j,
+                -0.537917796778238 - 1.0532948187684237j,
+            ],
+        },
+    ),
+    stops=[
+        vi.Stop(direction=[0.0, 0.0, -1.0], gap=0.0, restitution=1.0),
+        vi.Stop(direction=[1.0, -1.0, 0.0], gap=0.05724029375500108, restitution=1.0),
+        vi.Stop(direction=[0.0, 1.0, 0.0], gap=0.0, stiffness=2.2413301443441562, damping=0.8441368306267248),
+    ],
+)
+ON_ITS_CYCLE = vi.State(
+    (-0.09520470825058758, -0.05260005791235921, 2.9899669880298254),
+    (-0.660948467309804, -0.6734953631293722, 1.902553599174881),
+    10.94784973018693,
+)
+
+
+def test_a_driving_period_of_which_rounding_leaves_a_rest_is_over():
+    """Else the next step has no length, as at a stop that is touched."""
+    found = [
+        measured(ELASTIC, ["rms", "amplitude"], of=1, start=ON_ITS_CYCLE, transient_impacts=skipped, sample_impacts=1)
+        for skipped in (0, 1, 2, 5, 12)
+    ]
+    _, amplitude, rms, *_ = in_time(ELASTIC, np.array([0.0, 1.0, 0.0]), 4, ON_ITS_CYCLE)
+    for each in found:
+        assert float(each["rms"]) == pytest.approx(rms, rel=1e-5)
+        assert float(each["amplitude"]) == pytest.approx(amplitude, rel=1e-5)

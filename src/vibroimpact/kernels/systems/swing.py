@@ -20,13 +20,14 @@ from vibroimpact.kernels.systems.push import NODES
 
 # The time of the sums, in steps, the sums, the least and the largest y, and the time up to the end of a driving period.
 LENGTH, MEAN, SQUARE, SINE, COSINE, LEAST, LARGEST, LEFT = range(8)
+OVER = 1e-12  # steps: a driving period of which rounding leaves no more is over
 
 
 @inner(forceinline=True)
 def end_with_period(rows, end, close, k, wide):
     """Return the end of a step that does not go beyond the driving period, and whether it still ends at a contact."""
     left = get(rows, k.swing + LEFT, wide) / get(rows, k.pace, wide)
-    cut = left <= end
+    cut = left + OVER < end
     return select(cut, left, end), close & no(cut)
 
 
@@ -60,7 +61,7 @@ def swing(rows, end, held, k, wide):
     for row, share in ((LENGTH, 1.0 + 0.0 * end), (MEAN, mean), (SQUARE, square), (SINE, s), (COSINE, c)):
         put(rows, at + row, wide, get(rows, at + row, wide) + share * length)
     left = get(rows, at + LEFT, wide)
-    put(rows, at + LEFT, wide, select(left <= length, 0.0, left - length))
+    put(rows, at + LEFT, wide, select(left <= length + OVER, 0.0, left - length))
     if k.compliant and held:
         _strengthen(rows, end, pace, k, wide)
 
