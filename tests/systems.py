@@ -42,6 +42,19 @@ def one_mass(osc, **changes):
     return vi.ImpactSystem(**arguments | changes)
 
 
+def cabinet(force, damping_ratio):
+    """Return the system of a contact of 0.5 kg in a cabinet of 50 kg on soft isolators; its motions settle slowly."""
+    stiffness, isolators = 0.5 * (2 * np.pi * 40) ** 2, 50.0 * (2 * np.pi * 2) ** 2
+    damping, outer = 0.06 * np.sqrt(stiffness * 0.5), 2 * damping_ratio * np.sqrt(isolators * 50.0)
+    return vi.ImpactSystem(
+        mass=np.diag([50.0, 0.5]),
+        damping=[[outer + damping, -damping], [-damping, damping]],
+        stiffness=[[isolators + stiffness, -stiffness], [-stiffness, stiffness]],
+        force=vi.Force(frequency=50.0, harmonics={1: [0.0, force]}),
+        stops=[vi.Stop(direction=[-1.0, 1.0], gap=0.3e-3, restitution=0.6, name="stop")],
+    )
+
+
 FORMS = {"one mass": lambda osc: osc, "one mass as a system": one_mass}
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import vibroimpact as vi
 from designs import random_designs
-from systems import STEEL, changed, on_springs, one_mass, pushed, pushed_pair, random_pair
+from systems import STEEL, cabinet, changed, on_springs, one_mass, pushed, pushed_pair, random_pair
 from texts import hardest_hit, text_of
 from vibroimpact import models
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow
@@ -350,3 +350,14 @@ def test_where_nothing_helps_the_parameters_that_were_tried_are_named(model, nam
     verdict = vi.describe(model, parameters=names, within=1e-3)
     assert not verdict.advice
     assert f"no change of {' or '.join(names)} alone within its range" in text_of(verdict)
+
+
+def test_advice_waits_for_motions_that_settle_slowly():
+    """Perturbations halve in 70 periods: 3,000 impacts leave their motions undecided, which is no chaos."""
+    design = vi.family(lambda force=15.0: cabinet(force, 0.04))
+    (advice,) = vi.describe(design, parameters=["force"]).advice
+    assert advice.benefit == "softer"
+    assert advice.value > 8.0
+    (settled,) = vi.attractors(cabinet(advice.value, 0.04))
+    assert settled.max_velocity == pytest.approx(advice.max_velocity, rel=1e-3)
+    assert settled.max_velocity <= 0.8 * vi.attractors(cabinet(15.0, 0.04))[0].max_velocity

@@ -182,3 +182,15 @@ def test_a_verdict_a_table_and_a_picture_say_who_hits_where_a_start_from_rest_do
     ]
     assert titles[1].split("\n")[0] == "B: no impact from rest"
     assert "initial conditions" not in titles[1]
+
+
+def test_the_hardest_hit_says_how_many_initial_conditions_are_undecided():
+    """Without loss no motion attracts others: those that hit harder go on for ever."""
+    lossless = vi.ImpactOscillator(stiffness=1e4, damping=0.0, amplitude=5.0, frequency=20.0, restitution=1.0, gap=1e-3)
+    both = vi.compare(lossless, lossless.replace(damping=5.0), parameters=[])
+    (row,) = (row for row in str(both).splitlines() if row.startswith("hardest hit, from any initial condition [m/s]"))
+    assert "100 % are undecided" in row
+    assert both.dataset["undecided"].values.tolist() == [1.0, 0.0]
+    assert "100 % undecided" in str(both).splitlines()[-1]
+    hard = vi.impact_section(lossless, start=vi.State(0.0, 4.0), transient_impacts=20000).velocity.values.max()
+    assert hard > 10.0 * float(both.dataset["worst_velocity"][0])

@@ -51,7 +51,8 @@ class Advice:
     motion : str
         The motion that hits hardest at the new value, in two or three words.
     max_velocity, before : float
-        The hardest hit of that motion, and of all present motions, in m/s.
+        The hardest hit of that motion from the 1,000th impact on (more than once it has settled, if it settles later),
+        and of all present motions, in m/s.
     tried : int
         Number of initial conditions tried, none of which leads to a hit harder than `max_velocity`; 0 if no trial was
         needed because all hits are proportional to the parameter.
@@ -82,16 +83,19 @@ class Target:
         worst = max(motions, key=lambda motion: motion.max_velocity)
         return cls(worst.max_velocity, not all(motion.repeats for motion in motions), worst.chaotic)
 
-    def benefit(self, motions: Sequence[Measured]) -> str:
+    def benefit(self, motions: Sequence[Measured], *, watched: bool = True) -> str:
         """Return the benefit of a change to these motions; empty if there is none.
 
         Replacing regular motions by chaos is no benefit, nor is replacing chaos by harder hits. Rests that do not
-        repeat do not count as chaos, because rounding may decide when they occur.
+        repeat do not count as chaos, because rounding may decide when they occur, nor do undecided motions that have
+        not been `watched` for long: they may settle slowly.
         """
         hardest = max(map(hit, motions))
         if hardest == 0.0:
             return "no_impact"
         irregular = [motion for motion in motions if motion.group[0] == "aperiodic"]
+        if not watched:
+            irregular = [motion for motion in irregular if motion.motion_class != MotionClass.UNDECIDED]
         if not self.irregular and any(motion.motion_class != MotionClass.STICKING for motion in irregular):
             return ""
         if hardest <= SOFTER * self.hardest:
@@ -149,7 +153,7 @@ class Trials:
             measured = iter(measure(self.runner, Cells.join(cells), SCAN) if cells else ())
             for at, part in zip(remaining, cells, strict=True):
                 motions[at] += [next(measured) for _ in range(len(part))]
-                benefit = self.target.benefit(motions[at])
+                benefit = self.target.benefit(motions[at], watched=False)
                 benefits[at] = benefit if benefit in wanted[at] else ""
             remaining = [at for at in remaining if benefits[at]]
         return benefits
@@ -164,19 +168,19 @@ class Trials:
         for cells in self._initial_conditions(varied, value):
             tried.append(cells)
             motions += measure(self.runner, cells, TEST)
-            if not self.target.benefit(motions):
+            if not self.target.benefit(motions, watched=False):
                 return motions
         return self._without_transients(Cells.join(tried), motions)
 
     def _without_transients(self, cells: Cells, motions: list[Measured]) -> list[Measured]:
-        """Return motions; if the hardest that looks chaotic is a transient, those are replaced by their final ones."""
-        chaotic = [at for at, motion in enumerate(motions) if irregular(motion) and not rests(motion)]
-        if not chaotic:
+        """Return motions; if the hardest that never repeats is a transient, those are replaced by their final ones."""
+        open_ended = [at for at, motion in enumerate(motions) if irregular(motion) and not rests(motion)]
+        if not open_ended:
             return motions
-        hardest = max(chaotic, key=lambda at: hit(motions[at]))
+        hardest = max(open_ended, key=lambda at: hit(motions[at]))
         (late,) = measure(self.runner, cells[hardest : hardest + 1], LATE)
         if not irregular(late):
-            for at, motion in zip(chaotic, measure(self.runner, cells[np.array(chaotic)], LATE), strict=True):
+            for at, motion in zip(open_ended, measure(self.runner, cells[np.array(open_ended)], LATE), strict=True):
                 motions[at] = motion
         return motions
 

@@ -142,6 +142,9 @@ class Comparison:
         )
 
 
+_UNDECIDED = {"long_name": "share of the initial conditions whose motions are undecided", "units": "1"}
+
+
 def _texts(items: Iterable[str]) -> np.ndarray[Any, Any]:
     """Return text as stores keep it: of any length."""
     return np.array(list(items), dtype=object)
@@ -150,6 +153,7 @@ def _texts(items: Iterable[str]) -> np.ndarray[Any, Any]:
 def _worst_variables(verdicts: tuple[Verdict, Verdict]) -> dict[str, xr.Variable]:
     """Return the hardest hit from any initial condition, with its motion and the share that leads to it."""
     hit, speeds = "hardest hit from any initial condition", [_hardest(verdict) for verdict in verdicts]
+    hit += " that was decided" * any(verdict.undecided for verdict in verdicts)
     names = [(verdict.harder or verdict.motion).name for verdict in verdicts]
     shares = [verdict.harder.share if verdict.harder else math.nan for verdict in verdicts]
     share = "share of the initial conditions that lead to it; none where rest does"
@@ -157,6 +161,7 @@ def _worst_variables(verdicts: tuple[Verdict, Verdict]) -> dict[str, xr.Variable
         "worst_velocity": plain_variable("design", speeds, {"long_name": hit, "units": "m/s"}),
         "worst_motion": plain_variable("design", _texts(names), {"long_name": f"motion with the {hit}"}),
         "worst_share": plain_variable("design", shares, {"long_name": share, "units": "1"}),
+        "undecided": plain_variable("design", [verdict.undecided for verdict in verdicts], _UNDECIDED),
     }
 
 
@@ -199,11 +204,12 @@ def _index(verdict: Verdict, name: str) -> str:
 
 def _worst(verdict: Verdict) -> str:
     share = f" ({percent(verdict.harder.share)} of them)" if verdict.harder else ""
-    return _number(_hardest(verdict)) + share
+    undecided = f"; {percent(verdict.undecided)} are undecided" if verdict.undecided else ""
+    return _number(_hardest(verdict)) + share + undecided
 
 
 def _hardest(verdict: Verdict) -> float:
-    """Return the hardest hit from any initial condition tried; 0 if all are known not to lead to impacts."""
+    """Return the hardest hit from any initial condition that was decided; 0 if all are, and lead to no impacts."""
     if verdict.worst:
         return verdict.worst.max_velocity
     return 0.0 if not verdict.undecided and verdict.max_velocity == 0.0 else math.nan
@@ -211,6 +217,8 @@ def _hardest(verdict: Verdict) -> float:
 
 def _others(verdict: Verdict) -> str:
     others = [f"{100.0 * m.share:.3g} % {m.name}" for m in verdict.attractors if not m.from_rest]
+    if verdict.undecided:
+        others.append(f"{percent(verdict.undecided)} undecided")
     return ", ".join(others) or "none"
 
 

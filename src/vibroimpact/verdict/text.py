@@ -139,7 +139,8 @@ def _watched(verdict: Verdict) -> Iterator[str]:
     if verdict.transient and verdict.releases:
         yield f"not moved, the first {FIRST} impacts look {verdict.transient}"
     elif verdict.transient:
-        yield f"certain after {verdict.watched} impacts: the first {FIRST} look {verdict.transient}"
+        how = "watched over" if verdict.kind == "undecided" else "certain after"
+        yield f"{how} {verdict.watched} impacts: the first {FIRST} look {verdict.transient}"
     elif verdict.watched > FIRST:
         yield f"{'certain after' if verdict.motion.n_periods else 'watched over'} {verdict.watched} impacts"
 
@@ -227,7 +228,7 @@ def _stability(verdict: Verdict) -> Iterator[str]:
             f"{number(half / period, 2)} periods (exponent {exponent:.4g} 1/s)"
         )
     elif abs(exponent) * period < NEUTRAL:
-        yield "perturbations neither decay nor grow"
+        yield f"perturbations change in size by less than {100.0 * NEUTRAL:g} % per period"
     else:
         yield f"perturbations {'decay' if exponent < 0.0 else 'grow'} (exponent about {exponent:.2g} 1/s)"
 
@@ -261,7 +262,8 @@ def _coexisting(verdict: Verdict) -> Iterator[str]:
         hit = f", hardest hit {speed(motion.max_velocity)}" if motion.max_velocity > 0.0 else ""
         hit += on_stop(motion.stop, named) if hit and motion.stop else ""
         rare = motion.share == 0.0 and not motion.from_rest
-        share = "stable, but reached from none of them" if rare else f"{100.0 * motion.share:.3g} %{of}"
+        none = "stable, but seen to be reached from none" if undecided else "stable, but reached from none of them"
+        share = none if rare else f"{100.0 * motion.share:.3g} %{of}"
         this = " (this motion)" if motion.from_rest else ""
         yield f"{share}: {motion.name}{lasting}{this}{hit}{_slow(motion)}"
     if len(motions) > MOTIONS:
