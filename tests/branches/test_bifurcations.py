@@ -146,6 +146,39 @@ def test_branches_of_random_oscillators_bifurcate_alike_as_one_mass_and_as_a_sys
     assert [at for _, at in values[0]] == pytest.approx([at for _, at in values[1]], abs=2e-9)
 
 
+def test_where_a_valve_opens_no_more_its_impact_is_lost_at_a_graze():
+    stops = [
+        vi.Stop(direction=-1.0, gap=0.0, stiffness=1e5, damping=20.0, name="seat"),
+        vi.Stop(direction=1.0, gap=2e-3, restitution=0.4, name="cage"),
+    ]
+    force = vi.Force(frequency=45.0, harmonics={1: 25.0}, constant=-30.0)
+    valve = vi.ImpactSystem(mass=1.0, stiffness=1e4, damping=10.0, force=force, stops=stops)
+    orbit = next(orbit for orbit in vi.find_orbit(valve) if orbit.admissible and orbit.stops == ("seat",))
+    branch = vi.continue_orbit(orbit, "omega", (260.0, 500.0), virtual=False)
+    (graze,) = branch.special
+    assert graze.kind == branch.outcome[1] == "grazing"
+    assert graze.orbit.velocities[0] == pytest.approx(0.0, abs=1e-9)
+    names = [[each.name for each in vi.attractors(valve.replace(omega=graze.value + side))] for side in (-0.01, 0.01)]
+    assert "period-1 impact-1" in names[0]
+    assert names[1] == ["permanently in contact"]
+
+
+def test_an_impact_is_lost_where_its_stop_pushes_again_before_it_is_left():
+    model = drawn(np.random.default_rng([83, 13]), of_any_kind=True)[0]
+    (orbit, *_) = vi.find_orbit(model, n_impacts=4, near=vi.impact_section(model))
+    branch = vi.continue_orbit(orbit, "stop_1_gap", (0.2, orbit.value("stop_1_gap")))
+    (graze,) = special_points(branch, "grazing")
+    fewer, more = (
+        min(branch.orbits, key=lambda each: abs(each.value("stop_1_gap") - graze.value - side))
+        for side in (-2e-3, 2e-3)
+    )
+    assert [fewer.n_impacts, more.n_impacts] == [3, 4]
+    for beside in (fewer, more):
+        assert beside.admissible
+        assert beside.stable
+        assert name_of(beside) == beside.name
+
+
 MULTIPLIERS = {  # what is zero at a bifurcation
     "fold": lambda mu: abs(mu - 1.0).min(),
     "pitchfork": lambda mu: abs(mu - 1.0).min(),

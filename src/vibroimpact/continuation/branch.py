@@ -108,9 +108,10 @@ def continue_orbit(
     doubles its period just before. A doubling within 1e-8 of the value of such a graze counts as the graze.
 
     At a graze of a compliant stop a contact appears or disappears, and the branch continues with or without it; it ends
-    where no impact is left. If the stop is undamped, the multipliers are continuous: the graze is marked but is no
-    bifurcation. If it is damped, the force jumps at contact and the multipliers jump at the graze, where the branch may
-    turn back.
+    where no impact is left. A damped stop lets go while it is still pressed in. If the part is then no longer free
+    before the stop pushes again, that impact is lost at a graze, too. If the stop is undamped, the multipliers are
+    continuous: the graze is marked but is no bifurcation. If it is damped, the force jumps at contact and the
+    multipliers jump at the graze, where the branch may turn back.
 
     Along the energy, the period varies from orbit to orbit; `Branch.frequencies` has one value per orbit. The
     multipliers other than the two that are 1 show internal resonances: where a pair meets at 1, the branch folds or

@@ -17,6 +17,17 @@ BORN = 0.02  # radians of the fastest rate: half the length of a contact just af
 SHORTENED = 10  # halvings of that contact, at most
 
 
+def closing(cycle: Cycle, unknown: Floats, impact: int) -> tuple[Cycle, Floats] | None:
+    """Return a cycle in which a stop pushes again where an impact was, still pressed in; None if no impact is left."""
+    others = [at for at in cycle.impacts if at != impact]
+    if not others:
+        return None
+    turned, unknown = cycle.rotated(unknown, others[0])
+    at = (impact - others[0]) % len(cycle.events)
+    again = Event(turned.events[at].stop, PUSH_AGAIN)
+    return replace(turned, events=(*turned.events[:at], again, *turned.events[at + 1 :])), unknown
+
+
 def losing(cycle: Cycle, unknown: Floats, graze: int) -> tuple[Cycle, Floats] | None:
     """Return a cycle without one of its events, a graze, and its unknown; None if no impact is left."""
     others = [at for at in cycle.impacts if at != graze]

@@ -44,7 +44,7 @@ from vibroimpact.continuation.equations import (
     Equations,
     Range,
 )
-from vibroimpact.continuation.grazes import gaining, losing
+from vibroimpact.continuation.grazes import closing, gaining, losing
 from vibroimpact.orbits.cycle import Cycle, cycle_of
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.events import GRAZE, LET_GO, Event, Nearest
@@ -195,7 +195,7 @@ class Modes(Equations):
     ) -> tuple[Equations, Floats]:
         """Return these equations with one more condition; a lost contact with a compliant stop becomes a graze."""
         event = self.cycle.events[impact]
-        if condition != LAST_IMPACT or not self.compliant_at(impact):
+        if condition != LAST_IMPACT or not self.compliant_at(impact) or self._closes(x, impact):
             return super().bounded(condition, x, impact, touch, stop)
         events = (*self.cycle.events[:impact], Event(event.stop, GRAZE), *self.cycle.events[impact + 2 :])
         x = np.concatenate([x[:impact], [0.5 * (x[impact] + x[impact + 1])], x[impact + 2 :]])
@@ -204,7 +204,14 @@ class Modes(Equations):
     def on_branch(self, x: Floats) -> Floats:
         """Return the unknown of the branch on which a bifurcation lies: a graze is a contact of zero duration there."""
         x, at = super().on_branch(x), self.impact
-        return np.insert(x, at + 1, x[at]) if self.soft and self.condition == LAST_IMPACT else x
+        vanishes = self.condition == LAST_IMPACT and self.cycle.events[at].kind == GRAZE
+        return np.insert(x, at + 1, x[at]) if vanishes else x
+
+    def _closes(self, x: Floats, impact: int) -> bool:
+        """Whether no gap is left before an impact on a damped stop, which lets go while it is still pressed in."""
+        (cycle, unknown), stop = self.solved(x), self.cycle.events[impact].stop
+        state, drive = cycle.states(unknown)[impact], cycle.flow.drive(unknown[impact])
+        return bool(cycle.flow.lag(stop) and cycle.flow.clearance(stop, state, drive, cycle.phases[impact])[2] < 0.0)
 
     def compliant_at(self, impact: int) -> bool:
         """Whether an impact is a contact with a compliant stop that ends before any other event."""
@@ -216,7 +223,7 @@ class Modes(Equations):
         compliant = self.cycle.flow.compliant
         if self.condition == TOUCH:
             return bool(compliant[self.stop])
-        return self.condition == LAST_IMPACT and self.cycle.events[self.impact].kind == GRAZE
+        return self.condition == LAST_IMPACT and bool(compliant[self.cycle.events[self.impact].stop])
 
     @property
     def touched(self) -> str:
@@ -229,7 +236,8 @@ class Modes(Equations):
     def beyond(self, x: Floats, sign: float) -> tuple[Equations, Floats, Floats] | None:
         """Return the equations beyond a graze of a compliant stop, a solution and its tangent; None if the branch ends.
 
-        A contact appears or disappears there. `sign` is the direction in which the parameter continues.
+        A contact, or the gap in one, appears or disappears there. `sign` is the direction in which the parameter
+        continues.
         """
         if not self.soft:
             return None
@@ -237,11 +245,11 @@ class Modes(Equations):
         cycle, unknown = self.solved(x)
         if self.condition == TOUCH:
             return gaining(equations, cycle, self.impact, self.stop, x, sign)
-        shorter = losing(cycle, unknown, self.impact)
-        if shorter is None:
+        further = (losing if cycle.events[self.impact].kind == GRAZE else closing)(cycle, unknown, self.impact)
+        if further is None:
             return None
-        equations = replace(equations, cycle=shorter[0])
-        solution = np.concatenate([equations.scaled_at(shorter[1], self.values(x)), x[self.inner :]])
+        equations = replace(equations, cycle=further[0])
+        solution = np.concatenate([equations.scaled_at(further[1], self.values(x)), x[self.inner :]])
         return equations, solution, equations.tangent(solution, sign * np.eye(len(solution))[-1])
 
     def sizes(self, x: Floats) -> Floats:

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from vibroimpact.continuation.equations import FOLD, GRAZING, INSIDE, LAST_IMPACT, TOUCH, Equations
+from vibroimpact.continuation.equations import FOLD, INSIDE, LAST_IMPACT, TOUCH, Equations
 from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
@@ -28,8 +28,15 @@ class Solution:
     def orbit(self) -> Orbit:
         """The orbit at the point; what vanishes at a graze has the sign of rounding, which is not held against it."""
         orbit = self.equations.orbit(self.x)
-        rounded = self.equations.condition in GRAZING and not orbit.admissible and self.admissible
+        rounded = abs(self._vanishing) > ROUNDING and self.admissible
         return replace(orbit, admissible=True, message="") if rounded else orbit
+
+    @property
+    def _vanishing(self) -> float:
+        """The velocity or the clearance that defines a graze, relative to the orbit's; 0 for other conditions."""
+        if self.equations.condition == LAST_IMPACT:
+            return float(self.speeds[self.equations.impact])
+        return self.nearest.margin if self.touches and self.nearest else 0.0
 
     @property
     def value(self) -> float:

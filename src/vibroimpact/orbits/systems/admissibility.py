@@ -30,7 +30,7 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
     equations require.
     """
     flow, states = cycle.flow, cycle.states(unknown)
-    speeds, angles, size = cycle.speeds(unknown), cycle.angles(unknown), np.abs(states[0]).max()
+    speeds, angles, size = cycle.speeds(unknown), cycle.angles(unknown), np.abs(states).max()
     for i, (event, speed) in enumerate(zip(cycle.events, speeds, strict=True)):
         name, number = names[event.stop], sum(at <= i for at in cycle.impacts)
         if speed < -ROUNDING * size:
