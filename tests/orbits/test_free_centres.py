@@ -83,3 +83,28 @@ def test_orbits_with_a_free_centre_are_followed_through_the_same_bifurcations():
     assert [kind for kind, _ in points] == [kind for kind, _ in own]
     assert [value for _, value in points] == pytest.approx([value for _, value in own], rel=1e-9)
     assert points[0][0] == "pitchfork"
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.3])
+@pytest.mark.parametrize("stop", [{"restitution": 0.6}, {"stiffness": 50.0}, {"stiffness": 50.0, "damping": 0.5}])
+def test_a_free_mass_that_no_mean_load_pushes_has_no_orbit_with_impacts_on_one_stop(gap, stop):
+    """Over a cycle the impulse is that of the mean load, which is zero; grazes anywhere are no impacts."""
+    force = vi.Force(omega=1.7, harmonics={1: 1.6, 3: 0.3 + 0.4j})
+    stops = [vi.Stop(direction=1, gap=gap, **stop)]
+    model = vi.ImpactSystem(mass=1.0, stiffness=0.0, damping=0.05, force=force, stops=stops)
+    for n_periods in (1, 2):
+        assert not vi.find_orbit(model, n_periods=n_periods)
+
+
+@pytest.mark.parametrize("n_periods", [1, 2])
+def test_why_no_orbit_is_sought_where_a_gyroscope_conserves_what_a_free_centre_has(n_periods):
+    model = vi.ImpactSystem(
+        mass=np.eye(2),
+        stiffness=[[1.0, -1.0], [-1.0, 1.0]],
+        damping=[[0.0, -0.4], [0.4, 0.0]],
+        force=vi.Force(omega=1.67, harmonics={1: [1.0, -2.0]}),
+        stops=[vi.Stop(direction=[-1, 1], gap=0.25, stiffness=70.0)],
+    )
+    orbits = vi.find_orbit(model, n_periods=n_periods)
+    assert not orbits
+    assert "a continuum of states" in orbits.message

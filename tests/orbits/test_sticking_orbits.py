@@ -26,6 +26,24 @@ def orbit_of(name):
     return the_orbit(model, n_periods=n_periods)
 
 
+ACROSS_PERIODS = {  # orbits of two periods and more, at whose release a driving period has passed
+    "one mass": (vi.ImpactOscillator(omega=3.0, restitution=0.0, damping=0.05), 2),
+    "a system": (vi.ImpactOscillator(omega=3.0, restitution=0.0, damping=0.05).system, 2),
+}
+
+
+@pytest.mark.parametrize("name", [*MODELS, *ACROSS_PERIODS])
+def test_the_motion_of_an_orbit_is_at_its_stops_at_its_impacts_and_during_its_rests(name):
+    model, n_periods = (MODELS | ACROSS_PERIODS)[name]
+    orbit = the_orbit(model, n_periods=n_periods)
+    rests = [(rest.stop, turn) for rest in orbit.rests for turn in (rest.begin, 0.5 * (rest.begin + rest.end))]
+    for stop, turn in [*zip(orbit.stops, orbit.turns, strict=True), *rests]:
+        time = turn * orbit.system.period
+        place = np.atleast_1d(np.squeeze(orbit.motion(np.array([time]))[0]))
+        clearance = orbit.system.clearances(place, time)[orbit.system.stop_names.index(stop)]
+        assert clearance == pytest.approx(0.0, abs=1e-7 * (1.0 + np.abs(place).max())), (stop, turn)
+
+
 # The cycle from release to release
 
 

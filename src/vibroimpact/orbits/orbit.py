@@ -392,6 +392,7 @@ def _of_one_mass(orbit: Orbit) -> dict[str, Any]:
     if orbit.sticks:
         end = orbit.n_periods + orbit.release_phase - whole
         rests = (Rest(stop, end - orbit.stuck_time / osc.period, end),)
-        return content | {"rests": rests, "start": State(osc.gap, 0.0, orbit.release_phase * osc.period)}
+        release = orbit.release_phase + -whole % orbit.n_periods
+        return content | {"rests": rests, "start": State(osc.gap, 0.0, release * osc.period)}
     events = tuple([(turn, IMPACT, stop) for turn in turns])
     return content | {"events": events, "start": State(osc.gap, speeds[0], orbit.phases[0] * osc.period)}

@@ -107,10 +107,10 @@ def _at_ratio(cycle: Cycle, r: float) -> tuple[list[Floats], str]:
     solution = right.T @ ((left[:, :rank].T / sizes[:, None]) @ sides)
     if np.abs(nulls).max() <= negligible:
         return [], _at_any_phase(cycle, bool(np.abs(solution[-1]).max() > negligible))
-    unknowns = []
+    unknowns, least = [], VANISHED * float(np.linalg.norm(solution[:-1], 2))  # at a graze x may vanish, too
     for angle in roots(flow.orders, nulls[0]):
         x, v = np.split(solution @ flow.drive(angle), [2 * flow.n])
-        if v[0] > VANISHED * float(np.linalg.norm(x)):
+        if v[0] > least:
             unknowns.append(np.append(angle, x))
     return unknowns, "" if unknowns else nowhere(cycle)
 

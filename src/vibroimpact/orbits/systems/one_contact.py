@@ -35,6 +35,7 @@ from vibroimpact.parameters import counted
 
 MOST_ORBITS = 256  # solutions for one contact: if there are more, they are not isolated
 CLOSED = 1e-3  # of the orbit's size, and of the largest force: a larger residual means no orbit
+GRAZED = 1e-7  # of the state: a graze, as which a double zero is known to the root of rounding only
 SHARES = (np.arange(8) + 0.5) / 8  # samples of a contact, at which the force must not pull
 
 
@@ -43,7 +44,10 @@ def one_contact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
     flow = cycle.flow
     if why := _not_isolated(cycle):
         return [], why
-    zeros = common_zeros(lambda lows, width: _coefficients(cycle, lows, width), cycle.length, flow.orders)
+    try:
+        zeros = common_zeros(lambda lows, width: _coefficients(cycle, lows, width), cycle.length, flow.orders)
+    except np.linalg.LinAlgError:  # as what a gyroscopic system without loss conserves
+        return [], "cycles close from a continuum of states, whatever the duration of a contact; give `near`"
     starts = _starts(cycle, zeros.durations, zeros.angles)
     if len(starts) > MOST_ORBITS:
         return [], "contacts of many durations repeat: orbits are not isolated"
@@ -51,7 +55,8 @@ def one_contact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
     contacts: list[Impacts] = []
     for start in starts:
         solved = cycle.solve(start)
-        if solved.converged and not _pulls(cycle, solved.z):
+        touches = cycle.speeds(solved.z)[0] > GRAZED * np.abs(solved.z[2:]).max()
+        if solved.converged and touches and not _pulls(cycle, solved.z):
             contact = Impacts(solved.z[:1] / TURN, cycle.velocities(solved.z))
             if not any(same_orbit(contact, other) for other in contacts):
                 solved.z[:2] -= TURN * np.floor(solved.z[0] / TURN)

@@ -79,7 +79,7 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits:
         return Orbits(outcome="not_converged", message=str(error))
     if solved.singular or not solved.converged:
         return lost(solved, name)
-    state = _state(carrier, solved.z, state.time)
+    state = _state(carrier, solved.z, state.time % system.period)
     history = _follow(system, state, n_periods)
     first = history.displacements[0]
     distances = np.abs(history.displacements - first).max(axis=1) / (np.abs(first).max() or 1.0)
@@ -194,7 +194,7 @@ def _quiet_state(history: _History, carrier: Carrier, state: State, period: floa
     x = carrier.state(np.array(state.displacement), np.array(state.velocity))
     later = middles[at] % n_periods
     x, _ = carrier.over(x, first % 1.0, later)
-    return _state(carrier, x, (first + later) % 1.0 * period)
+    return _state(carrier, x, (first + later) % n_periods * period)
 
 
 def _solve(carrier: Carrier, state: State, period: float, n_periods: int) -> tuple[Solved, Floats]:
@@ -240,7 +240,7 @@ def _from_release(history: _History, names: tuple[str, ...], n_periods: int) -> 
 def _orbit(model: Model, history: _History, state: State, multipliers: tuple[complex, ...], n_periods: int) -> Orbit:
     system: ImpactSystem = model.at()
     history = _from_release(history, system.stop_names, n_periods)
-    whole = math.floor(history.times[0])
+    whole, before = math.floor(history.times[0]), math.floor(state.time / system.period)
     turns = tuple((history.times - whole).tolist())
     rests = tuple(Rest(stop, begin - whole, end - whole) for stop, begin, end in history.rests)
     struck = set(zip(history.stops, turns, strict=True))
@@ -254,7 +254,7 @@ def _orbit(model: Model, history: _History, state: State, multipliers: tuple[com
         turns=turns,
         velocities=tuple(history.velocities.tolist()),
         phases=phases_of(turns),
-        start=state,
+        start=replace(state, time=state.time + ((before - whole) % n_periods - before) * system.period),
         multipliers=multipliers,
         family=family_of(model),
         contacts=history.contacts,
