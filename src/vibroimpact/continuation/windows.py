@@ -189,13 +189,17 @@ def _branch_windows(branch: Branch) -> Iterator[Window]:
     parameter = branch.parameter
     special = {point.value: point.kind for point in branch.special}
     orbits = _with_middles(branch, special)
-    for stable, run in groupby(range(len(orbits)), key=lambda i: orbits[i].stable):
+    for (stable, n, p), run in groupby(range(len(orbits)), key=lambda i: _kind(orbits[i])):
         places = list(run)
         low, high = sorted([_end(branch, orbits, special, places[0], -1), _end(branch, orbits, special, places[-1], 1)])
         if stable and low[0] < high[0]:
             inside = tuple(orbits[i] for i in places)
-            name = inside[0].n_periods, inside[0].n_impacts
-            yield Window(parameter, *name, low[0], high[0], (low[1], high[1]), inside)
+            yield Window(parameter, n, p, low[0], high[0], (low[1], high[1]), inside)
+
+
+def _kind(orbit: Orbit) -> tuple[bool, int, int]:
+    """Return what is the same within a window: contacts with compliant stops appear and vanish along stable orbits."""
+    return orbit.stable, orbit.n_periods, orbit.n_impacts
 
 
 def _with_middles(branch: Branch, special: dict[float, str]) -> list[Orbit]:
