@@ -36,7 +36,8 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
         if speed < -ROUNDING * size:
             velocity = speed * flow.lengths[event.stop] * flow.omega
             return f"impact {number} would have velocity {velocity:.3g} m/s, away from {name!r}"
-        if event.kind == PUSH_AGAIN and flow.clearance(event.stop, states[i], flow.drive(angles[i]))[0] > 0.0:
+        gap = flow.clearance(event.stop, states[i], flow.drive(angles[i]))[0] if event.kind == PUSH_AGAIN else 0.0
+        if gap > ROUNDING * size:
             return f"after impact {number} {name!r} would push again before contact begins"
     tied = cycle.tied(unknown)
     for i, event in enumerate(cycle.events):
