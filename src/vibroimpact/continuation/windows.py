@@ -161,7 +161,8 @@ def stable_windows(branches: Branch | Iterable[Branch]) -> list[Window]:
     r"""Return the parameter windows in which the orbits of branches are stable.
 
     Inside a window all Floquet multipliers satisfy :math:`|\mu| < 1`, and each flight ends at the orbit's next impact.
-    The ends of the windows are bifurcations of the branch, accurate to rounding, or ends of the branch.
+    The ends of the windows are bifurcations of the branch, accurate to rounding, or ends of the branch. A window ends
+    where a contact with a compliant stop appears or vanishes, too, since the number of impacts changes there.
 
     Parameters
     ----------
