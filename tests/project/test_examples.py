@@ -41,6 +41,7 @@ def assert_pictures_are_drawn_by(program):
 @pytest.mark.parametrize("script", sorted(EXAMPLES.glob("*/*.py")), ids=lambda script: script.stem)
 def test_an_example_finds_its_numbers_shows_a_figure_and_leaves_no_file(script, tmp_path):
     assert "assert " in script.read_text()
+    plt.close("all")  # of the tests before
     runpy.run_path(str(script), run_name="__main__")
     assert list(tmp_path.iterdir()) == []
     assert_pictures_are_drawn_by(f"{script.parent.name}/{script.stem}")
