@@ -123,6 +123,7 @@ def test_rounding_does_not_decide_whether_the_orbit_of_a_graze_is_admissible(as_
     graze = Solution(*equations.at_graze(equations.pack(z)))
     moved = replace(graze, x=graze.x + away)
     assert moved.equations.condition == condition
+    assert moved.touches == (condition == TOUCH)
     assert moved.admissible
     assert moved.orbit.admissible
     assert any(orbit.admissible for orbit in branch.orbits if orbit.value("omega") == branch.special[at].value)

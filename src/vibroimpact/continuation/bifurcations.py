@@ -37,10 +37,10 @@ def between(a: Point, b: Point) -> list[Solution]:
     wanted += [TORUS] if TORUS in changed and LAST_IMPACT not in changed else []
     located = [special for condition in wanted if (special := _located(condition, a, b)) is not None]
     graze = _graze(a, b) if a.clear != b.clear else None
-    if graze is not None:
-        beside = AS_GRAZE * abs(graze.value) if graze.equations.condition == LAST_IMPACT else -1.0
+    if graze is not None and graze.equations.condition == LAST_IMPACT:
+        beside = AS_GRAZE * abs(graze.value)
         located = [one for one in located if one.kind != DOUBLING or abs(one.value - graze.value) > beside]
-        located.append(graze)
+    located += [] if graze is None else [graze]
     return sorted(located, key=lambda special: float((special.on_branch - a.x) @ (b.x - a.x)))
 
 
@@ -58,11 +58,10 @@ def _graze(a: Point, b: Point) -> Solution | None:
     graze = None
     for _ in range(HALVINGS):
         conditions = [condition for condition in _changed(inside, outside) if condition in GRAZING]
-        grazes = [_located(condition, inside, outside) for condition in conditions]
-        apart = {float(np.linalg.norm(one.on_branch - inside.x)): one for one in grazes if one is not None}
-        if not apart:
+        grazes = [one for condition in conditions if (one := _located(condition, inside, outside)) is not None]
+        if not grazes:
             break
-        graze = apart[min(apart)]
+        graze = min(grazes, key=lambda one: float(np.linalg.norm(one.on_branch - inside.x)))
         beside = inside.at(graze.on_branch).towards(inside, BESIDE)
         if beside is None or beside.clear:
             break

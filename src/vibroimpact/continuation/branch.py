@@ -265,7 +265,7 @@ def walk(
         if graze is None:
             break
         before = way.points[-1]
-        way.points.append(Point(graze.equations, graze.x, before.tangent))
+        way.points.append(graze)
         further = graze.equations.beyond(graze.x, math.copysign(1.0, graze.on_branch[-1] - before.x[-1]))
         if further is None:
             break
@@ -273,7 +273,7 @@ def walk(
     yield way
 
 
-def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Generator[Way, None, Solution | None]:
+def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Generator[Way, None, Point | None]:
     """Yield a branch after each point, to its end or to a graze where the equations change; return that graze."""
     before = way.points[-1]
     equations = before.equations
@@ -282,13 +282,14 @@ def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Gen
             way.end = "lost"
             return None
         if not equations.in_order(after.x):
-            graze = lost_contact(before, after)
-            if graze is None:
+            lost = lost_contact(before, after)
+            if lost is None:
                 way.end = "impacts_merge"
                 way.points.append(before.furthest(after, SHARP, lambda point: equations.in_order(point.x)))
-            else:
-                way.end = "grazing"
-                way.special.append(graze)
+                return None
+            way.end = "grazing"
+            graze = Point(lost.equations, lost.x, before.tangent)
+            way.special.append(graze)
             return graze
         halved = _halved(before, after)
         if halved is not None:
@@ -302,7 +303,7 @@ def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Gen
             way.special.append(point)
             if special.equations.soft:
                 way.end = "grazing"
-                return special
+                return point
             way.points.append(point)
             if special.kind == "grazing" and before.clear and not virtual:
                 way.end = "grazing"

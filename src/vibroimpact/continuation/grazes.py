@@ -11,31 +11,26 @@ import numpy as np
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.cycle import Cycle
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.events import IMPACT, LET_GO, PUSH_AGAIN, Event
+from vibroimpact.orbits.events import GRAZE, IMPACT, LET_GO, PUSH_AGAIN, Event
 
 BORN = 0.02  # radians of the fastest rate: half the length of a contact just after a graze
 SHORTENED = 10  # halvings of that contact, at most
 
 
-def closing(cycle: Cycle, unknown: Floats, impact: int) -> tuple[Cycle, Floats] | None:
-    """Return a cycle in which a stop pushes again where an impact was, still pressed in; None if no impact is left."""
+def losing(cycle: Cycle, unknown: Floats, impact: int) -> tuple[Cycle, Floats] | None:
+    """Return a cycle beyond the loss of an impact, and its unknown; None if no impact is left.
+
+    A graze vanishes. Where the gap before an impact vanishes, its stop pushes again, still pressed in.
+    """
     others = [at for at in cycle.impacts if at != impact]
     if not others:
         return None
-    turned, unknown = cycle.rotated(unknown, others[0])
-    at = (impact - others[0]) % len(cycle.events)
-    again = Event(turned.events[at].stop, PUSH_AGAIN)
-    return replace(turned, events=(*turned.events[:at], again, *turned.events[at + 1 :])), unknown
-
-
-def losing(cycle: Cycle, unknown: Floats, graze: int) -> tuple[Cycle, Floats] | None:
-    """Return a cycle without one of its events, a graze, and its unknown; None if no impact is left."""
-    others = [at for at in cycle.impacts if at != graze]
-    if not others:
-        return None
     p, (turned, unknown) = len(cycle.events), cycle.rotated(unknown, others[0])
-    at = (graze - others[0]) % p
-    return replace(turned, events=turned.events[:at] + turned.events[at + 1 :]), np.delete(unknown, at)
+    at = (impact - others[0]) % p
+    stop, kind = turned.events[at]
+    instead = () if kind == GRAZE else (Event(stop, PUSH_AGAIN),)
+    events = (*turned.events[:at], *instead, *turned.events[at + 1 :])
+    return replace(turned, events=events), unknown if instead else np.delete(unknown, at)
 
 
 def gaining(

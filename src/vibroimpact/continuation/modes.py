@@ -44,7 +44,7 @@ from vibroimpact.continuation.equations import (
     Equations,
     Range,
 )
-from vibroimpact.continuation.grazes import closing, gaining, losing
+from vibroimpact.continuation.grazes import gaining, losing
 from vibroimpact.orbits.cycle import Cycle, cycle_of
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.events import GRAZE, LET_GO, Event, Nearest
@@ -180,7 +180,7 @@ class Modes(Equations):
     def _slowest(self, cycle: Cycle, unknown: Floats) -> float:
         """Return the lowest speed at rigid stops, or 1: where it passes 0, a multiplier passes through infinity."""
         rigid = ~cycle.flow.compliant[[event.stop for event in cycle.events]]
-        return float(cycle.speeds(unknown)[rigid].min(initial=math.inf) / self.scale) if rigid.any() else 1.0
+        return float(cycle.speeds(unknown)[rigid].min() / self.scale) if rigid.any() else 1.0
 
     def fits(self, x: Floats) -> bool:
         """Whether a touch is inside its flight, and two multipliers whose product is 1 are a complex pair."""
@@ -245,7 +245,7 @@ class Modes(Equations):
         cycle, unknown = self.solved(x)
         if self.condition == TOUCH:
             return gaining(equations, cycle, self.impact, self.stop, x, sign)
-        further = (losing if cycle.events[self.impact].kind == GRAZE else closing)(cycle, unknown, self.impact)
+        further = losing(cycle, unknown, self.impact)
         if further is None:
             return None
         equations = replace(equations, cycle=further[0])

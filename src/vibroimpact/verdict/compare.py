@@ -32,6 +32,7 @@ from vibroimpact.status import Status
 from vibroimpact.verdict.changes import advice_text, axis_name, ends_of
 from vibroimpact.verdict.describe import Verdict, describe
 from vibroimpact.verdict.edges import BOUNDARIES, ONSETS, Edge
+from vibroimpact.verdict.hits import undecided_share
 from vibroimpact.verdict.ranges import percent
 
 if TYPE_CHECKING:
@@ -142,9 +143,6 @@ class Comparison:
         )
 
 
-_UNDECIDED = {"long_name": "share of the initial conditions whose motions are undecided", "units": "1"}
-
-
 def _texts(items: Iterable[str]) -> np.ndarray[Any, Any]:
     """Return text as stores keep it: of any length."""
     return np.array(list(items), dtype=object)
@@ -157,11 +155,14 @@ def _worst_variables(verdicts: tuple[Verdict, Verdict]) -> dict[str, xr.Variable
     names = [(verdict.harder or verdict.motion).name for verdict in verdicts]
     shares = [verdict.harder.share if verdict.harder else math.nan for verdict in verdicts]
     share = "share of the initial conditions that lead to it; none where rest does"
+    undecided = "share of the initial conditions whose motions are undecided"
     return {
         "worst_velocity": plain_variable("design", speeds, {"long_name": hit, "units": "m/s"}),
         "worst_motion": plain_variable("design", _texts(names), {"long_name": f"motion with the {hit}"}),
         "worst_share": plain_variable("design", shares, {"long_name": share, "units": "1"}),
-        "undecided": plain_variable("design", [verdict.undecided for verdict in verdicts], _UNDECIDED),
+        "undecided": plain_variable(
+            "design", [verdict.undecided for verdict in verdicts], {"long_name": undecided, "units": "1"}
+        ),
     }
 
 
@@ -204,8 +205,7 @@ def _index(verdict: Verdict, name: str) -> str:
 
 def _worst(verdict: Verdict) -> str:
     share = f" ({percent(verdict.harder.share)} of them)" if verdict.harder else ""
-    undecided = f"; {percent(verdict.undecided)} are undecided" if verdict.undecided else ""
-    return _number(_hardest(verdict)) + share + undecided
+    return _number(_hardest(verdict)) + share + undecided_share(verdict)
 
 
 def _hardest(verdict: Verdict) -> float:

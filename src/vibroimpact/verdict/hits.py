@@ -38,9 +38,13 @@ def hardest_lines(verdict: Verdict) -> Iterator[str]:
     place = f"from {percent(share)} of the initial conditions" if share else "from rest"
     sampled = "" if worst.repeats else " of those sampled"
     on = on_stop(worst.stop, not is_one_mass(verdict.oscillator)) if worst.stop else ""
-    undecided = f"; {percent(verdict.undecided)} are undecided" if verdict.undecided else ""
     names = listed(list(dict.fromkeys(each.name for each in equal)))
-    yield f"{speed(worst.max_velocity)}{on}{sampled}, {place} once settled: {names}{undecided}"
+    yield f"{speed(worst.max_velocity)}{on}{sampled}, {place} once settled: {names}{undecided_share(verdict)}"
+
+
+def undecided_share(verdict: Verdict) -> str:
+    """Return how many of the initial conditions are undecided, to be added to what the others come to."""
+    return f"; {percent(verdict.undecided)} are undecided" if verdict.undecided else ""
 
 
 def hit_lines(verdict: Verdict) -> Iterator[str]:
