@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 
 import vibroimpact as vi
 from systems import cantilever
-from vibroimpact.orbits.systems.response import extremes
+from vibroimpact.orbits.systems.response import extremes, steady_motion
 
 FIELDS = ("amplitude", "rms", "mean", "harmonic_amplitude", "harmonic_phase")
 
@@ -218,6 +218,38 @@ def test_a_branch_tells_how_far_its_orbits_swing():
     mapped = vi.parameter_map(model, omega=branch.values[:3], indices=FIELDS, sample_impacts=300)
     for name in FIELDS:
         assert np.allclose(mapped[name], swings[name][:3], rtol=1e-8)
+
+
+def test_a_harmonic_that_passes_a_resonance_reaches_the_stop_there():
+    stop = vi.Stop(direction=1, gap=1.0, restitution=0.7)
+    force = vi.Force(omega=0.3, harmonics={1: 0.1, 3: 0.004})
+    system = vi.ImpactSystem(mass=1.0, damping=0.002, stiffness=1.0, force=force, stops=[stop])
+    curve = vi.response_curve(system, omega=(0.2, 0.6))
+    assert len(curve.steady) == 2
+    below, above = curve.steady[0][-1], curve.steady[1][0]
+    assert below < 1 / 3 < above
+    for omega in (below, above):
+        assert steady_motion(system.replace(omega=omega)).clearances() == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.999, 1.001])
+@pytest.mark.parametrize("name", ["rpm", "stiffness"])
+def test_a_resonance_is_found_along_any_parameter_just_if_it_reaches_the_stop(name, share):
+    """The swing U r^2 / sqrt((1 - r^2)^2 + (2 z r)^2) of an unbalance is largest at r = 1 / sqrt(1 - 2 z^2)."""
+
+    @vi.family
+    def machine(rpm=3000.0, stiffness=1e4, gap=1.0):
+        omega, damping_ratio = rpm * math.pi / 30, 2e-4
+        damping = 2 * damping_ratio * math.sqrt(stiffness)
+        load = vi.Force(omega=omega, harmonics={1: 1e-3 * omega**2})
+        return vi.ImpactSystem(
+            mass=1.0, damping=damping, stiffness=stiffness, force=load, stops=[vi.Stop(direction=1, gap=gap)]
+        )
+
+    largest = 1e-3 / (2 * 2e-4 * math.sqrt(1 - 2e-4**2))
+    values = {"rpm": (400.0, 1900.0), "stiffness": (3e4, 5e5)}
+    curve = vi.response_curve(machine.replace(gap=share * largest), **{name: values[name]})
+    assert len(curve.steady) == 1 + (share < 1.0)
 
 
 @pytest.mark.parametrize(("gap", "kept"), [(1.5, True), (0.1, False)])

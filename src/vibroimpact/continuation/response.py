@@ -40,7 +40,8 @@ from vibroimpact.showing import Shown, Table
 if TYPE_CHECKING:
     import xarray as xr
 
-AROUND = np.linspace(-8.0, 8.0, 33)  # half-widths of a resonance at which the motion without contact is computed
+TURNED = 0.2  # rad: largest change of a mode's phase lag between two values for the motion without contact
+FINEST = 1e-6  # of the range: smallest distance between two of them
 INSIDE = 1e-3  # of an interval with contact: how far from its ends orbits are sought
 NOTHING = Response(*[math.nan] * len(DISPLACEMENTS))
 PART, IMPACTS = {"long_name": "part of the curve"}, {"long_name": "impacts in a cycle", "units": "1"}
@@ -222,26 +223,42 @@ def _steady(model: Model, parameter: str, value: float) -> Steady | None:
 
 
 def _grid(model: Model, parameter: str, ends: Range, longest: float) -> Floats:
-    """Return evenly spaced values and, of frequencies, some around each resonance of the motion without contact."""
-    values = np.linspace(*ends, math.ceil(1.0 / longest) + 1)
-    if parameter not in ("omega", "frequency"):
-        return values
-    form = as_system(model.at()).modal()
-    rates = np.sqrt(form.squares)
-    widths = 0.5 * np.diag(form.damping)
-    near = (rates + np.multiply.outer(AROUND, widths)).ravel() / (2.0 * math.pi if parameter == "frequency" else 1.0)
-    return np.unique(np.append(values, near[(near > ends[0]) & (near < ends[1])]))
+    """Return evenly spaced values, and more where a harmonic of the load passes the resonance of a mode."""
+
+    def lags(value: float) -> Floats:
+        form = as_system(model.at(**{parameter: value})).modal()
+        rates = form.omega * form.orders[:, None]
+        lagging: Floats = np.arctan2(rates * np.diag(form.damping), form.squares - rates**2)
+        return lagging
+
+    values = np.linspace(*ends, math.ceil(1.0 / longest) + 1).tolist()
+    known, finest = {value: lags(value) for value in values}, FINEST * (ends[1] - ends[0])
+    waiting = list(pairwise(values))
+    while waiting:
+        low, high = waiting.pop()
+        if high - low > finest and np.abs(known[high] - known[low]).max() > TURNED:
+            middle = 0.5 * (low + high)
+            known[middle] = lags(middle)
+            waiting += [(low, middle), (middle, high)]
+    return np.array(sorted(known))
 
 
 def _without_contact(model: Model, parameter: str, values: Floats) -> tuple[list[Floats], list[Range]]:
     """Return the values at which the steady motion touches no stop, part by part, and the intervals between them."""
-    from scipy.optimize import brentq
+    from scipy.optimize import brentq, minimize_scalar
 
     def margin(value: float) -> float:
         motion = _steady(model, parameter, value)
         return -math.inf if motion is None else float(motion.clearances().min(initial=math.inf))
 
     margins = [margin(value) for value in values.tolist()]
+    for at in range(len(values) - 2, 0, -1):  # a shallow touch between values
+        if 0.0 <= margins[at] <= min(margins[at - 1], margins[at + 1]):
+            lowest = minimize_scalar(margin, bounds=(values[at - 1], values[at + 1]), method="bounded")
+            if lowest.fun < 0.0 and math.isfinite(lowest.fun):
+                place = int(np.searchsorted(values, lowest.x))
+                values = np.insert(values, place, lowest.x)
+                margins.insert(place, float(lowest.fun))
     free: list[list[float]] = [[]] if margins[0] >= 0.0 else []
     touching = [] if margins[0] >= 0.0 else [[float(values[0])]]
     for (low, before), (high, after) in pairwise(zip(values.tolist(), margins, strict=True)):
