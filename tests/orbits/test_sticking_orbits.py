@@ -293,6 +293,16 @@ def test_its_twin_is_a_motion_of_the_symmetric_system_too():
     assert sorted(again.velocities) == pytest.approx(sorted(orbit.velocities), rel=1e-9)
 
 
+@pytest.mark.parametrize(("gap", "symmetric"), [(0.3, True), (0.31, False)])
+def test_a_resting_orbit_is_symmetric_if_it_is_its_own_mirror_image(gap, symmetric):
+    stops = [vi.Stop(direction=1, gap=0.3, restitution=0.3), vi.Stop(direction=-1, gap=gap, restitution=0.3)]
+    force = vi.Force(omega=0.8, harmonics={1: 1.0})
+    orbit = the_orbit(vi.ImpactSystem(mass=1.0, damping=0.05, stiffness=1.0, force=force, stops=stops))
+    (one, other) = (rest.end for rest in orbit.rests)
+    assert (abs((other - one) % 1.0 - 0.5) < 1e-9) == symmetric
+    assert orbit.symmetric == symmetric
+
+
 def test_an_orbit_entered_within_a_rest_has_that_rest_once():
     """The state found before is at rest where the parameter moved on: the rest was listed twice."""
     orbit = the_orbit(sticking().replace(omega=0.6))

@@ -19,6 +19,7 @@ from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import cycle_name
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.cycle import cycle_of
+from vibroimpact.orbits.distance import same_orbit
 from vibroimpact.orbits.equations import Floats, turns_of
 from vibroimpact.orbits.events import IMPACT
 from vibroimpact.orbits.symmetry import mirror
@@ -91,8 +92,8 @@ class Orbit(Shown):
         `turns`. The impacts of a chatter are listed down to 1e-9 V. A cycle with rests is listed from the end of the
         longest rest, at the first of the model's stops that has one.
     half_multipliers : tuple of 2n complex
-        Multipliers of the half map (half a cycle, then the mirror) if the orbit is its own mirror image half a cycle
-        later; else empty.
+        Multipliers of the half map (half a cycle, then the mirror) if the orbit never rests and is its own mirror image
+        half a cycle later; else empty.
     neutral : tuple of complex
         Multipliers of a free centre of mass, if masses without a spring to the ground strike one another: 1 for its
         position, and 1, or less with drag, for its drift. They affect no stop and do not count for stability;
@@ -238,7 +239,8 @@ class Orbit(Shown):
     @property
     def symmetric(self) -> bool:
         """Whether the orbit is its own mirror image half a cycle later."""
-        return bool(self.half_multipliers)
+        rests = self.sticks and self.n_periods % 2 == 1 and not mirror(self.system)[1] and same_orbit(self, self.twin)
+        return bool(self.half_multipliers) or rests
 
     @property
     def spectral_radius(self) -> float:
