@@ -10,6 +10,7 @@ from vibroimpact.cells import Floats
 from vibroimpact.orbits.systems.admissibility import objection
 from vibroimpact.orbits.systems.conserved import NONE, Member, corrected, member, misses, sizes
 from vibroimpact.orbits.systems.grazes import (
+    ALIKE,
     BORN,
     alike,
     beside,
@@ -130,15 +131,13 @@ def ended(last: Member, beyond: Member | None) -> tuple[str, str]:
     cycle, unknown, names = last.at, last.unknown, last.cycle.flow.names
     apart, stops, number = np.diff(cycle.angles(unknown)), [event.stop for event in cycle.events], len(cycle.events)
     light = [
-        apart[at : stops.index(stop, at + 1)].sum() * cycle.fastest <= BORN
-        if stop in stops[at + 1 :]
-        else speed <= BORN
+        apart[at : stops.index(stop, at + 1)].sum() * cycle.fastest if stop in stops[at + 1 :] else speed
         for at, (stop, speed) in enumerate(
             zip(stops, cycle.speeds(unknown) / np.abs(unknown[number:]).max(), strict=True)
         )
         if at in cycle.impacts
     ]
-    if all(light):
+    if max(light) <= min(BORN, ALIKE * min(light)):
         return "grazing", f"its last contact, with {names[stops[0]]!r}, vanishes and the motion is linear"
     clear = NEAR * np.abs(cycle.flow.bounds[:, 0]).max()
     for event, x in zip(cycle.events, cycle.states(unknown), strict=False):
