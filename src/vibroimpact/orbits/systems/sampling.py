@@ -74,8 +74,11 @@ def _later(flow: Flow, pushing: Pushing) -> list[Stage]:
         left = rates[-rates.real * age < GONE]
         if len(left) == len(rates) or np.abs(left).max() > SLOWER * fastest:
             continue
-        form, vectors, number = schur(law, sort=lambda re, im, age=age: -re * age < GONE)
-        if number != len(left):  # rounding moved an eigenvalue across the limit
+        try:
+            form, vectors, number = schur(law, sort=lambda re, im, age=age: -re * age < GONE)
+        except np.linalg.LinAlgError:  # rounding moved an eigenvalue across the limit
+            continue
+        if number != len(left):  # the same
             continue
         above = solve_sylvester(form[:number, :number], -form[number:, number:], -form[:number, number:])
         slow, rate = form[:number, :number], float(np.linalg.norm(form[:number, :number], 2))
