@@ -221,6 +221,25 @@ def test_how_an_orbit_of_a_system_is_lost_is_said():
         vi.continue_boundary(end, ("omega", "left_gap"), ((1.0, 1.2), (0.0, 0.5)))
 
 
+def test_a_lightly_damped_mode_that_no_stop_feels_makes_no_fold_of_an_end():
+    def system(third):
+        return vi.ImpactSystem(
+            mass=np.eye(3),
+            damping=[[0.2, -0.02, 0.0], [-0.02, 0.2, 0.0], [0.0, 0.0, 1e-5]],
+            stiffness=[[2.0, -1.0, 0.0], [-1.0, 2.0, 0.0], [0.0, 0.0, third]],
+            force=vi.Force(omega=0.55, harmonics={1: [1.0, -0.8j, 0.0]}),
+            stops=[
+                vi.Stop(direction=[1, 0, 0], gap=0.0, restitution=0.0, name="s"),
+                vi.Stop(direction=[0, 1, 0], gap=1.2, restitution=0.6, name="t"),
+            ],
+        )
+
+    apart, resonant = (vi.end_of_sticking(system(third), "t_gap", (1.2, 0.25)) for third in (1.0, 1.1**2))
+    assert min(abs(mu - 1.0) for mu in resonant.orbit.multipliers) < 1e-3
+    assert resonant.message == apart.message
+    assert "where no next orbit is found" in apart.message
+
+
 # Branches
 
 

@@ -204,15 +204,16 @@ def _check_orbit(orbit: Any) -> None:
 
 @dataclass(frozen=True)
 class _Rests:
-    """An orbit with a rest on a branch, perhaps its last one."""
+    """An orbit with a rest on a branch; the last one with the kind of end and its residual."""
 
     orbit: Any
+    kind: str = ""
+    missed: float = math.nan
 
     def bifurcation(self, parameter: str) -> BifurcationPoint:
         """Return the fold or the end of sticking at which the branch ends."""
-        kind, missed = ending(self.orbit)
-        phase = self.orbit.release_phase if kind == KIND else math.nan
-        return BifurcationPoint(kind, parameter, self.orbit.value(parameter), self.orbit, missed, phase)
+        phase = self.orbit.release_phase if self.kind == KIND else math.nan
+        return BifurcationPoint(self.kind, parameter, self.orbit.value(parameter), self.orbit, self.missed, phase)
 
 
 def _resting(orbit: Any, parameter: str, ends: Range, longest: float, direction: float) -> Iterator[Way]:
@@ -227,9 +228,11 @@ def _resting(orbit: Any, parameter: str, ends: Range, longest: float, direction:
             way.points.append(_Rests(found))
         yield way
     last = way.points[-1].orbit
-    way.end = "range" if last.value(parameter) == goal else ending(last)[0]
-    if way.end in (KIND, "fold"):
-        way.special.append(way.points[-1])
+    if last.value(parameter) == goal:
+        way.end = "range"
+    else:
+        way.end, missed = ending(last, orbit)
+        way.special += [_Rests(last, way.end, missed)] if way.end in (KIND, "fold") else []
     yield way
 
 

@@ -39,7 +39,7 @@ from vibroimpact.progress import reporter
 
 KIND = "end_of_sticking"
 MET = 1e-7  # largest (stuck time / T)^(1/e): usually 1e-16, 1e-8 near a graze, 1e-2 where the stuck time jumps
-FOLDS = 1e-3  # distance of a multiplier from 1 at a fold; it falls as the square root of the parameter distance
+FOLDS = 1e-3  # by which the distance of a multiplier from 1 falls up to a fold, as the square root of that of the value
 STEP = 0.02  # of the interval between two values: longest step to the next orbit of a system
 LIFTED = 1e-6  # of f: a preload closer to f than this counts as one that the force never overcomes
 
@@ -201,7 +201,7 @@ def _followed(model: Model, parameter: str, inside: float, outside: float, n_per
     if not found:
         return StickingEnd(model.at(), parameter, outcome="unresolved", message=found.message)
     *_, orbit = resting_orbits(found[0], parameter, outside, STEP * abs(outside - inside))
-    value, (outcome, missed) = orbit.value(parameter), ending(orbit)
+    value, (outcome, missed) = orbit.value(parameter), ending(orbit, found[0])
     if value == outside:
         message = f"the {orbit.name} orbit of `{parameter}` = {inside:g} persists up to {outside:g}"
         return StickingEnd(model.at(), parameter, outcome="no_change", message=message)
@@ -215,18 +215,19 @@ def _followed(model: Model, parameter: str, inside: float, outside: float, n_per
     return StickingEnd(orbit.oscillator, parameter, value, n_periods, fraction, missed, outcome, message, orbit)
 
 
-def ending(orbit: Any) -> tuple[str, float]:
+def ending(orbit: Any, before: Any) -> tuple[str, float]:
     """Return the kind of end of a branch from its last orbit, which rests at a stop, and the residual of that end.
 
-    The end is an end of sticking, a fold, or "lost" if the next orbit would graze a stop.
+    The end is an end of sticking, a fold, or "lost" if the next orbit would graze a stop. At a fold a multiplier tends
+    to 1, which it did not in an orbit of the branch long `before`.
     """
     (stop, *_), *_ = orbit.rests
     restitution = orbit.oscillator.stops[orbit.oscillator.stop_names.index(stop)].element.rebound(0.0)
     missed = residual(restitution, orbit.stuck_time / orbit.oscillator.period)
     if missed <= MET:
         return KIND, missed
-    away = min(abs(multiplier - 1.0) for multiplier in orbit.multipliers)
-    return ("fold", away) if away < FOLDS else ("lost", missed)
+    away, first = (min(abs(multiplier - 1.0) for multiplier in each.multipliers) for each in (orbit, before))
+    return ("fold", away) if away < FOLDS * first else ("lost", missed)
 
 
 def _point(model: Model, parameter: str, value: float, beyond: ImpactOscillator, n_periods: int) -> StickingEnd:
