@@ -22,6 +22,13 @@ def specials(branch):
     return sorted((point.kind, point.value) for point in branch.special)
 
 
+def name_of(orbit, model=None, nudge=1e-4):
+    """Return what the engine calls the motion that begins beside an orbit, maybe of another model."""
+    model, begun = model or orbit.model, orbit.start
+    start = vi.State(begun.displacement, np.multiply(begun.velocity, 1 + nudge), orbit.phases[0] * model.period)
+    return vi.recognise(vi.impact_section(model, start=start, transient_impacts=4000, sample_impacts=400)).name
+
+
 @vi.family(units={"rpm": "1/min", "clearance_mm": "mm"})
 def shaker(unbalance=0.002, rpm=1500.0, clearance_mm=0.5):
     """Tied parameters: the force of an unbalance grows with the square of the speed."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from branching import first, specials, values_of
+from branching import first, name_of, specials, values_of
 from contents import special_points
 from designs import random_oscillator
 from systems import chain, drawn, impact_damper, one_mass, symmetric_orbit
@@ -23,13 +23,6 @@ pytestmark = pytest.mark.usefixtures("modal_engine")
 def doubled(as_model):
     branch = vi.continue_orbit(first(2.6, as_model=as_model), "omega", (2.5, 2.7), step=0.1)
     return vi.continue_orbit(vi.switch_branch(branch.special[-1]), "omega", (2.5, 3.3), step=0.03, virtual=False)
-
-
-def name_of(orbit, model=None, nudge=1e-4):
-    """Return what the engine calls the motion that begins beside an orbit, maybe of another model."""
-    model, begun = model or orbit.model, orbit.start
-    start = vi.State(begun.displacement, np.multiply(begun.velocity, 1 + nudge), orbit.phases[0] * model.period)
-    return vi.recognise(vi.impact_section(model, start=start, transient_impacts=4000, sample_impacts=400)).name
 
 
 # Doublings

@@ -22,7 +22,7 @@ from vibroimpact.parameters import invalid
 
 HALVINGS = 12  # halvings of a step in search of the bifurcations inside it
 AS_GRAZE = 1e-8  # of a parameter: no machine is set so exactly
-BESIDE = 1 / 64  # of the step to a graze: there the orbit is still admissible
+BESIDE = 1 / 64  # of the step to a graze: there the orbit is still admissible, and its equations are regular
 TRIES = 12  # attempts, with the amplitude halved each time
 
 

@@ -12,7 +12,6 @@ import numpy as np
 from vibroimpact.continuation.equations import DOUBLING, Range
 from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import EDGE, MOST_POINTS, Way, both_ways, check_range, check_share, follow
-from vibroimpact.continuation.modes import images_along
 from vibroimpact.continuation.points import Point
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, course
 from vibroimpact.continuation.sticking import LONGEST_STEP, MOST, Sticking, sticking_curve
@@ -21,6 +20,7 @@ from vibroimpact.model import Model, check_names
 from vibroimpact.motion import listed
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking_end import KIND, StickingEnd
+from vibroimpact.orbits.symmetry import images_along
 from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 from vibroimpact.request import units_of

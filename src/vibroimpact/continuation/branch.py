@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from vibroimpact.continuation.bifurcations import between, lost_contact
+from vibroimpact.continuation.bifurcations import BESIDE, between, lost_contact
 from vibroimpact.continuation.energy import along_energy
-from vibroimpact.continuation.equations import Equations, Range
+from vibroimpact.continuation.equations import BRANCH, Equations, Range
 from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import EDGE, MOST_POINTS, Way, both_ways, check_range, check_share, follow
 from vibroimpact.continuation.points import Point, Solution
@@ -27,6 +27,7 @@ from vibroimpact.request import units_of
 
 ONE_HALF = 1e-6  # largest difference between the halves of a doubled orbit that has merged with the simple one
 CLOSEST = 1 / 16  # of the step: orbits closer than this to the end of a resting branch are not kept
+MERGED = 1e-4  # largest change of an unknown from the last orbit before two events meet to the one where they do
 SHARP = 30  # halvings of a step: impacts are still further apart than rounding
 
 
@@ -101,17 +102,18 @@ def continue_orbit(
 
     An orbit that rests at a stop is found anew at each value, in steps that are halved down to neighbouring
     floating-point numbers where the branch ends: at an end of sticking, at a fold, or as "lost" at a graze while it
-    still rests. Along the branch its chatter gains and loses impacts of 1e-9 V. An orbit takes about 10 ms for one
-    mass, 20 to 50 ms for a system.
+    still rests. Along the branch its chatter gains and loses impacts of 1e-9 V. Where one of several rests ends, there
+    is no special point. An orbit takes about 10 ms for one mass, 20 to 50 ms for a system.
 
     Where the velocity of an impact on a rigid stop passes 0, a multiplier passes through infinity, so the orbit often
     doubles its period just before. A doubling within 1e-8 of the value of such a graze counts as the graze.
 
-    At a graze of a compliant stop a contact appears or disappears, and the branch continues with or without it; it ends
-    where no impact is left. A damped stop lets go while it is still pressed in. If the part is then no longer free
-    before the stop pushes again, that impact is lost at a graze, too. If the stop is undamped, the multipliers are
-    continuous: the graze is marked but is no bifurcation. If it is damped, the force jumps at contact and the
-    multipliers jump at the graze, where the branch may turn back.
+    At a graze of a compliant stop a contact, or a gap within one, appears or disappears, and the branch continues; it
+    ends where no impact is left, or where its orbits are shorter ones run through several times. A damped stop lets go
+    while it is still pressed in. If the part is then no longer free before the stop pushes again, that impact is lost
+    at a graze, too, and the reverse. If the stop is undamped, the multipliers are continuous: the graze is marked but
+    is no bifurcation. If it is damped, the force jumps at contact and the multipliers jump at the graze, where the
+    branch may turn back. Where events of two compliant stops change places, there is no special point.
 
     Along the energy, the period varies from orbit to orbit; `Branch.frequencies` has one value per orbit. The
     multipliers other than the two that are 1 show internal resonances: where a pair meets at 1, the branch folds or
@@ -182,7 +184,7 @@ def continue_orbit(
     message = "; ".join([course("branch", orbits, (parameter,), (down.end, up.end)), *filter(None, (down.why, up.why))])
     inadmissible = sum(not orbit.admissible for orbit in orbits)
     if inadmissible:
-        message += f"; {inadmissible} of {len(orbits)} orbits are inadmissible (they penetrate the stop)"
+        message += f"; {inadmissible} of {len(orbits)} orbits are inadmissible (see their `message`)"
     return Branch(
         parameter=parameter,
         orbits=orbits,
@@ -262,66 +264,107 @@ def walk(
     Where no test function falls by half, steps are up to `strides` times as long.
     """
     along = direction * equations.tangent(x, np.eye(len(x))[-1])
-    way = Way([Point(equations, x, along)])
-    while True:
-        graze = yield from _walk_to_graze(way, longest, virtual, strides)
-        if graze is None:
-            break
-        before = way.points[-1]
-        way.points.append(graze)
-        further = graze.equations.beyond(graze.x, math.copysign(1.0, graze.on_branch[-1] - before.x[-1]))
-        if further is None:
-            break
-        way.points.append(Point(*further))
+    way, home = Way([Point(equations, x, along)]), None
+    while (begin := (yield from _walk_on(way, longest, virtual, strides, home))) is not None:
+        way.points.append(begin.outward())
+        home = begin.equations.seen(way.points[0])
     yield way
 
 
-def _walk_to_graze(way: Way, longest: float, virtual: bool, strides: int) -> Generator[Way, None, Point | None]:
-    """Yield a branch after each point, to its end or to a graze where the equations change; return that graze."""
+def _walk_on(
+    way: Way, longest: float, virtual: bool, strides: int, home: list[Point] | None
+) -> Generator[Way, None, Point | None]:
+    """Yield a branch after each point, to its end or to where its equations change; return the first point beyond."""
     before = way.points[-1]
     equations = before.equations
-    for after, end in _dense(before, follow(before, strides * longest), longest):
+    for after, end in _dense(before, follow(before, strides * longest, home), longest):
         if end == "lost":
             way.end = "lost"
             return None
-        if not equations.in_order(after.x):
-            lost = lost_contact(before, after)
-            if lost is None:
-                way.end = "impacts_merge"
-                way.points.append(before.furthest(after, SHARP, lambda point: equations.in_order(point.x)))
-                return None
-            way.end = "grazing"
-            graze = Point(lost.equations, lost.x, before.tangent)
-            way.special.append(graze)
-            return graze
-        halved = _halved(before, after)
+        graze, merged, regular = None, not equations.in_order(after.x), after
+        if merged:  # at the last point the equations are singular
+            graze = lost_contact(before, after)
+            if graze is None:
+                after = before.furthest(after, SHARP, partial(_in_order, positive=before.clear))
+            else:
+                after = Point(equations, graze.on_branch, before.tangent)
+            regular = after.towards(before, BESIDE) or before
+        halved = _halved(before, regular)
         if halved is not None:
             way.special.append(halved)
             way.end = halved.kind
             return None
-        for special in between(before, after):
+        for special in between(before, regular):
             if special.equations.soft and abs(special.on_branch[-1] - before.x[-1]) <= EDGE:
                 continue  # the graze that the branch comes from
+            if special.equations.soft:
+                return _beyond(way, before, special)
             point = Point(special.equations, special.x, before.tangent)
             way.special.append(point)
-            if special.equations.soft:
-                way.end = "grazing"
-                return point
             way.points.append(point)
             if special.kind == "grazing" and before.clear and not virtual:
                 way.end = "grazing"
                 return None
-        if not virtual and before.clear and not after.clear:
+        if not virtual and not merged and before.clear and not after.clear:
             way.end = "inadmissible"
             way.points.append(before.furthest(after, SHARP, lambda point: point.clear))
             return None
+        if graze is not None:
+            return _beyond(way, before, graze)
         way.points.append(after)
+        if merged:
+            return _past(way, before, after)
         before = after
         way.end = end or "budget"
         if end or len(way.points) > MOST_POINTS:
             return None
         yield way
     return None
+
+
+def _in_order(point: Point, positive: bool) -> bool:
+    """Whether the events of a point follow one another, and whether its velocities are positive if they should be."""
+    return point.equations.in_order(point.x) and (not positive or bool(point.speeds.min() > 0.0))
+
+
+def _beyond(way: Way, before: Point, special: Solution) -> Point | None:
+    """Add the graze of a compliant stop to a branch, and return the first point beyond it, if there is one."""
+    way.end = "grazing"
+    graze = Point(special.equations, special.x, before.tangent)
+    way.special.append(graze)
+    way.points.append(graze)
+    if graze.equations.repeats(graze.x):  # the orbits of the branch are born there from shorter ones
+        return None
+    further = graze.equations.beyond(graze.x, _sign(before, graze))
+    return None if further is None else Point(*further)
+
+
+def _past(way: Way, before: Point, last: Point) -> Point | None:
+    """Return the first point beyond the last one before two events meet, if the motion goes on there.
+
+    A graze, at which both vanish, is listed.
+    """
+    way.end = "impacts_merge"
+    further = last.equations.past(last.x) if before.clear and last.admissible else None
+    if further is None:
+        return None
+    equations, start = further
+    at_graze, along = equations.condition != BRANCH, _sign(before, last)
+    solution, corrections, _ = equations.newton(start, None if at_graze else np.eye(len(start))[-1])
+    if not corrections or np.abs(solution - start).max() > MERGED:
+        return None
+    if at_graze:
+        way.end = "grazing"
+        graze = Point(equations, solution, last.tangent)
+        way.special.append(graze)
+        way.points.append(graze)
+        equations, solution = replace(equations, condition=BRANCH, impact=0, stop=0), graze.on_branch
+    return Point(equations, solution, equations.tangent(solution, along * np.eye(len(solution))[-1]))
+
+
+def _sign(before: Point, after: Point) -> float:
+    """Return the direction in which the parameter changes between two points."""
+    return math.copysign(1.0, after.on_branch[-1] - before.x[-1])
 
 
 def _dense(before: Point, steps: Iterable[tuple[Point, str]], longest: float) -> Iterator[tuple[Point, str]]:

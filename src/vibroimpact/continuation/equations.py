@@ -209,6 +209,18 @@ class Equations(ABC):
         """Return the equations of a branch beyond a graze, a solution and its tangent; None if the branch ends."""
         return None
 
+    def seen(self, point: Any) -> list[Any]:
+        """Return a point of the branch before a graze in the unknown of these equations beyond it, if it has any."""
+        return [point]
+
+    def repeats(self, x: Floats) -> bool:
+        """Whether the motion of a solution repeats within its cycle."""
+        return False
+
+    def past(self, x: Floats) -> tuple[Equations, Floats] | None:
+        """Return equations beyond a place where two events meet, or of the graze there; None if the branch ends."""
+        return None
+
     @property
     def touched(self) -> str:
         """Name of the stop that a graze touches; empty for other conditions, and for one mass with one stop."""
@@ -234,11 +246,15 @@ class Equations(ABC):
         """Return the model, with the free parameters limited to their ranges."""
         return self.model.replace(**dict(zip(self.names, self.inside(self.values(x)), strict=True)))
 
-    def distance(self, start: Floats, x: Floats) -> float:
-        """Return the distance of a point of the curve from its first point, up to whole turns."""
-        apart = (x - start) * self.weights(start)
+    def apart(self, start: Floats, x: Floats) -> Floats:
+        """Return the difference of a point of the curve from an earlier one, up to whole turns."""
+        apart = x - start
         apart[[*range(self.impacts), *([self.size] if self.condition == TOUCH else [])]] -= np.rint(apart[0])
-        return float(np.linalg.norm(apart))
+        return apart
+
+    def distance(self, start: Floats, x: Floats) -> float:
+        """Return the length of that difference."""
+        return float(np.linalg.norm(self.apart(start, x) * self.weights(start)))
 
     def residual(self, x: Floats) -> float:
         """Return the residual of the flights and of the condition, relative to the orbit's size."""

@@ -7,8 +7,8 @@ Theory, Academic Press (1977) 359-384).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -33,12 +33,13 @@ UNKNOWN: Any = None  # number of points or curves to come
 MOST_POINTS = 20_000  # of one direction
 
 
-def follow(first: Point, longest: float) -> Iterator[tuple[Point, str]]:
+def follow(first: Point, longest: float, home: Sequence[Point] | None = None) -> Iterator[tuple[Point, str]]:
     """Yield the points of a curve after the first, along its tangent, to the edge of the ranges or back to the first.
 
-    Each comes with the reason why it is the last, "range", "closed" or "lost" (the last point again), else empty.
+    Each comes with the reason why it is the last, "range", "closed" (the first point again) or "lost" (the last point
+    again), else empty. A curve that has come to new equations may close at any of the points `home` instead.
     """
-    equations, point, step, away = first.equations, first, longest, False
+    equations, point, step, away = first.equations, first, longest, home is not None
     while True:
         weights, ahead = equations.weights(point.x), point.x + step * point.tangent
         solution, corrections, jacobian = equations.newton(ahead, weights * weights * point.tangent)
@@ -55,14 +56,25 @@ def follow(first: Point, longest: float) -> Iterator[tuple[Point, str]]:
         if outside:
             yield _to_edge(point, solution, outside)
             return
-        point = following
-        distance = equations.distance(first.x, point.x)
-        away = away or distance > AWAY * longest
-        closed = away and distance < longest and point.tangent @ first.tangent > 0.0
-        yield point, "closed" if closed else ""
-        if closed:
+        before, point = point, following
+        away = away or equations.distance(first.x, point.x) > AWAY * longest
+        again = _back(before, point, [first] if home is None else home, longest) if away else None
+        if again is None or (again.x - point.x) @ point.tangent > 0.0:
+            yield point, ""
+        if again is not None:
+            yield again, "closed"
             return
         step = min(longest, step * (GROWTH if corrections <= EASY else 1.0))
+
+
+def _back(before: Point, point: Point, home: Sequence[Point], near: float) -> Point | None:
+    """Return the first of some points again, up to whole turns, if the curve comes or has just come to it."""
+    for one in home:
+        again = replace(one, x=point.x - point.equations.apart(one.x, point.x))
+        close = point.equations.distance(one.x, point.x) < near
+        if close and point.tangent @ one.tangent > 0.0 and (again.x - before.x) @ before.tangent > 0.0:
+            return again
+    return None
 
 
 def _to_edge(inside: Point, beyond: Floats, outside: list[int]) -> tuple[Point, str]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from vibroimpact.cells import Floats
+from vibroimpact.continuation.equations import BRANCH
 from vibroimpact.orbits.cycle import Cycle
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.events import GRAZE, IMPACT, LET_GO, PUSH_AGAIN, Event
@@ -20,7 +21,8 @@ SHORTENED = 10  # halvings of that contact, at most
 def losing(cycle: Cycle, unknown: Floats, impact: int) -> tuple[Cycle, Floats] | None:
     """Return a cycle beyond the loss of an impact, and its unknown; None if no impact is left.
 
-    A graze vanishes. Where the gap before an impact vanishes, its stop pushes again, still pressed in.
+    A graze vanishes. Where the gap before an impact vanishes, its stop pushes again, still pressed in; the reverse is
+    the birth of an impact.
     """
     others = [at for at in cycle.impacts if at != impact]
     if not others:
@@ -28,32 +30,67 @@ def losing(cycle: Cycle, unknown: Floats, impact: int) -> tuple[Cycle, Floats] |
     p, (turned, unknown) = len(cycle.events), cycle.rotated(unknown, others[0])
     at = (impact - others[0]) % p
     stop, kind = turned.events[at]
-    instead = () if kind == GRAZE else (Event(stop, PUSH_AGAIN),)
+    instead = () if kind == GRAZE else (Event(stop, PUSH_AGAIN if kind == IMPACT else IMPACT),)
     events = (*turned.events[:at], *instead, *turned.events[at + 1 :])
     return replace(turned, events=events), unknown if instead else np.delete(unknown, at)
 
 
-def gaining(
-    equations: Any, cycle: Cycle, leg: int, stop: int, x: Floats, sign: float
-) -> tuple[Any, Floats, Floats] | None:
-    """Return equations in which a contact, or a gap in one, replaces a graze in mid-leg; a solution, and its tangent.
+class Meeting(NamedTuple):
+    """A cycle beyond the meeting of two events, and its unknown; if they vanish, which stop is touched where."""
+
+    cycle: Cycle
+    unknown: Floats
+    stop: int | None = None
+    leg: int = 0
+    angle: float = math.nan
+
+
+def meeting(cycle: Cycle, unknown: Floats) -> Meeting | None:
+    """Return a cycle beyond the place where its two closest events meet; None if the motion does not go on.
+
+    Two events of one compliant stop vanish, with a gap within a contact or with a push. Those of two stops change
+    places if their order has no effect.
+    """
+    p, at = len(cycle.events), int(np.argmin(np.diff(cycle.angles(unknown))))
+    pair = at, (at + 1) % p
+    first = next((i for i in cycle.impacts if i not in pair), (at + 2) % p)
+    (turned, unknown), at = cycle.rotated(unknown, first), (at - first) % p
+    one, other = turned.events[at : at + 2]
+    before, after = turned.events[:at], turned.events[at + 2 :]
+    if one.stop != other.stop and cycle.flow.commute(one.stop, other.stop):
+        swapped = replace(turned, events=(*before, other, one, *after))
+        unknown[[at, at + 1]] = unknown[[at + 1, at]]
+        return Meeting(*swapped.rotated(unknown, swapped.impacts[0]))
+    if one.stop != other.stop or first in pair or first not in cycle.impacts or not cycle.flow.compliant[one.stop]:
+        return None
+    shorter, angle = replace(turned, events=before + after), 0.5 * float(unknown[at] + unknown[at + 1])
+    return Meeting(shorter, np.delete(unknown, [at, at + 1]), one.stop, at - 1, angle)
+
+
+def gaining(bounded: Any, x: Floats, sign: float) -> tuple[Any, Floats, Floats] | None:
+    """Return equations in which two events replace a graze in mid-leg, a solution of them, and its tangent.
+
+    A contact begins and ends, the force of a contact ends and begins again, or a stop that is still pressed in pushes
+    once more.
 
     At first the duration grows with the square root of the depth. With a stiff stop the parameter soon turns back, so
     the contact is chosen so short that the parameter still continues in the direction `sign`, if possible. With damping
     the force jumps to c v at the beginning of contact; derivatives jump at the graze, where the parameter may turn
     back.
     """
-    at, touch, rest, flow = leg + 1, float(x[equations.size]), x[equations.size + 1 :], cycle.flow
-    pushes = stop in cycle.phases[at]
-    kinds = (LET_GO, PUSH_AGAIN if flow.lag(stop) else IMPACT) if pushes else (IMPACT, LET_GO)
+    (cycle, unknown), at, stop, touch = bounded.solved(x), bounded.impact + 1, bounded.stop, bounded.touch(x)
+    flow, pushes = cycle.flow, stop in cycle.phases[at]
+    pulls = flow.touching(stop, *cycle.state_at(unknown, at - 1, TURN * touch), cycle.phases[at])[1]
+    again = PUSH_AGAIN if pulls and flow.lag(stop) else IMPACT
+    kinds = (LET_GO, again) if pushes else (again, LET_GO)
     events = (*cycle.events[:at], *(Event(stop, kind) for kind in kinds), *cycle.events[at:])
-    longer = replace(equations, cycle=replace(equations.cycle, events=events))
+    longer = replace(bounded, condition=BRANCH, impact=0, stop=0, cycle=replace(bounded.cycle, events=events))
     half = BORN / max(cycle.fastest, flow.phase(tuple(sorted({*cycle.phases[at], stop}))).fastest)
     born = None
     for _ in range(SHORTENED):
-        lasting = 2.0 * half if pushes else _lasting(half, float(flow.stiffness[stop]), float(flow.viscosity[stop]))
+        lasting = 2.0 * half if pulls else _lasting(half, float(flow.stiffness[stop]), float(flow.viscosity[stop]))
         pair = touch + np.array([-half, lasting - half]) / TURN
-        start = np.concatenate([x[:at], pair, x[at : equations.size], rest])
+        start = np.concatenate([x[:at], pair, x[at : bounded.size], x[bounded.inner :]])
         row = np.eye(len(start))[at + 1] - np.eye(len(start))[at]
         solution, corrections, jacobian = longer.newton(start, row)
         born = (longer, solution, longer.tangent(solution, row, jacobian)) if corrections else born

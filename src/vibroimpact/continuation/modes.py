@@ -20,21 +20,18 @@ period: this is a pitchfork of the cycle, at which two asymmetric orbits are bor
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibroimpact.cells import Floats
 from vibroimpact.continuation.equations import (
     BRANCH,
     DOUBLING,
-    FOLD,
     GRAZING,
     LAST_IMPACT,
     LEAST,
@@ -44,16 +41,18 @@ from vibroimpact.continuation.equations import (
     Equations,
     Range,
 )
-from vibroimpact.continuation.grazes import gaining, losing
+from vibroimpact.continuation.grazes import gaining, losing, meeting
+from vibroimpact.continuation.multipliers import TESTS
 from vibroimpact.orbits.cycle import Cycle, cycle_of
 from vibroimpact.orbits.equations import TURN
-from vibroimpact.orbits.events import GRAZE, LET_GO, Event, Nearest
+from vibroimpact.orbits.events import GRAZE, LET_GO, PUSH_AGAIN, Event, Nearest
 from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.orbits.symmetry import mirror
+from vibroimpact.orbits.symmetry import images_along
 from vibroimpact.orbits.systems.admissibility import nearest_of
 from vibroimpact.orbits.systems.orbit import make_orbit
 
+REPEATED = 1e-6  # of the scale: largest difference between states that are equal
 NOISE = 1e-12  # a test closer to zero than this is rounding, for example that of an undamped mode
 KEPT = 16  # designs whose flights are cached
 
@@ -167,14 +166,11 @@ class Modes(Equations):
     def _conditions(self, x: Floats) -> Floats:
         cycle, unknown = self.solved(x)
         if self.condition == LAST_IMPACT:
-            return cycle.speeds(unknown)[[self.impact]] / self.scale
+            return self.speeds(x)[[self.impact]]
         if self.condition == TOUCH:
-            flow, begin, at = cycle.flow, unknown[self.impact], TURN * x[self.inner - 1]
-            event, pushing = cycle.events[self.impact], cycle.phases[self.impact + 1]
-            after = flow.struck(event.stop, cycle.states(unknown)[self.impact], flow.drive(begin))
-            touching = flow.fly(after, begin, at, pushing)
-            return np.array(flow.touching(self.stop, touching, flow.drive(at), pushing)) / self.scale
-        value = _TESTS[self.condition](cycle.multipliers(unknown))
+            touching = cycle.state_at(unknown, self.impact, TURN * self.touch(x))
+            return np.array(cycle.flow.touching(self.stop, *touching, cycle.phases[self.impact + 1])[0]) / self.scale
+        value = TESTS[self.condition](cycle.multipliers(unknown))
         return np.array([value * self._slowest(cycle, unknown) if self.condition == DOUBLING else value])
 
     def _slowest(self, cycle: Cycle, unknown: Floats) -> float:
@@ -215,7 +211,8 @@ class Modes(Equations):
 
     def compliant_at(self, impact: int) -> bool:
         """Whether an impact is a contact with a compliant stop that ends before any other event."""
-        return self.cycle.events[impact + 1 : impact + 2] == (Event(self.cycle.events[impact].stop, LET_GO),)
+        stop = self.cycle.events[impact].stop
+        return self.cycle.events[impact : impact + 2] == (Event(stop), Event(stop, LET_GO))
 
     @property
     def soft(self) -> bool:
@@ -241,16 +238,48 @@ class Modes(Equations):
         """
         if not self.soft:
             return None
-        equations = replace(self, condition=BRANCH, impact=0, stop=0)
-        cycle, unknown = self.solved(x)
         if self.condition == TOUCH:
-            return gaining(equations, cycle, self.impact, self.stop, x, sign)
-        further = losing(cycle, unknown, self.impact)
+            return gaining(self, x, sign)
+        further = losing(*self.solved(x), self.impact)
         if further is None:
             return None
-        equations = replace(equations, cycle=further[0])
+        equations = replace(self, condition=BRANCH, impact=0, stop=0, cycle=further[0])
         solution = np.concatenate([equations.scaled_at(further[1], self.values(x)), x[self.inner :]])
         return equations, solution, equations.tangent(solution, sign * np.eye(len(solution))[-1])
+
+    def seen(self, point: Any) -> list[Any]:
+        """Return a point of the branch before a graze in the unknown of these equations beyond it, if it has any."""
+        places = point.x, point.x + NUDGE * point.tangent
+        views = zip(*(self._views(point.equations, x) for x in places), strict=True)
+        return [replace(point, equations=self, x=x, tangent=self.tangent(x, ahead - x)) for x, ahead in views]
+
+    def _views(self, other: Modes, x: Floats) -> Iterator[Floats]:
+        """Yield an unknown of other equations as one of these, from each event on with which the same events begin."""
+        cycle, unknown = other.solved(x)
+        for _ in cycle.events * (2 if cycle.images else 1):
+            cycle, unknown = cycle.rotated(unknown, 1)
+            if cycle.events == self.cycle.events:
+                yield np.append(self.scaled_at(unknown, other.values(x)), x[other.inner :])
+
+    def repeats(self, x: Floats) -> bool:
+        """Whether the motion of a solution repeats within its cycle."""
+        cycle, unknown = self.solved(x)
+        return cycle.repeats(unknown, REPEATED * self.scale)
+
+    def past(self, x: Floats) -> tuple[Equations, Floats] | None:
+        """Return equations with the events beyond a place where two of these meet, and their unknown; None if it ends.
+
+        If two events of one stop vanish, that is a graze.
+        """
+        cycle, unknown = self.solved(x)
+        further = meeting(cycle, unknown)
+        if further is None:
+            return None
+        equations = replace(self, cycle=further.cycle)
+        x = np.append(equations.scaled_at(further.unknown, self.values(x)), x[self.inner :])
+        if further.stop is None:
+            return equations, x
+        return equations.bounded(TOUCH, x, further.leg, further.angle / TURN, further.stop)
 
     def sizes(self, x: Floats) -> Floats:
         """Return the change of each unknown that changes the flights by order one."""
@@ -279,9 +308,16 @@ class Modes(Equations):
         return cycle.velocities(unknown)
 
     def speeds(self, x: Floats) -> Floats:
-        """Return the relative velocities of the impacts, scaled by the lengths of their stops' directions."""
+        """Return the relative velocities of the impacts, scaled by the lengths of their stops' directions.
+
+        For a stop that pushes again, it is the rate at which its clearance rises: an impact is born where that is 0.
+        """
         cycle, unknown = self.solved(x)
-        return cycle.speeds(unknown) / self.scale
+        states, speeds = cycle.states(unknown), cycle.speeds(unknown)
+        for at, (stop, kind) in enumerate(cycle.events):
+            if kind == PUSH_AGAIN:
+                speeds[at] = cycle.flow.closing(stop, states[at], cycle.flow.drive(unknown[at]))
+        return speeds / self.scale
 
     def nearest(self, x: Floats) -> Nearest:
         """Return the closest approach of the system to any stop between impacts."""
@@ -291,7 +327,7 @@ class Modes(Equations):
         """Return the tests of period doublings (or pitchforks) and Neimark-Sacker points."""
         cycle, unknown = self.solved(x)
         multipliers = cycle.multipliers(unknown)
-        values = {condition: _TESTS[condition](multipliers) for condition in (DOUBLING, TORUS)}
+        values = {condition: TESTS[condition](multipliers) for condition in (DOUBLING, TORUS)}
         values[DOUBLING] *= self._slowest(cycle, unknown)
         return {condition: value if abs(value) > NOISE else NOISE for condition, value in values.items()}
 
@@ -337,41 +373,6 @@ class Modes(Equations):
         else:
             both = replace(cycle, n_periods=2 * cycle.n_periods, events=cycle.events * 2)
         return replace(self, cycle=both), np.concatenate([z[:p], z[:p] + cycle.length, z[p:]])
-
-
-def _nearest_zero(values: Sequence[complex] | NDArray[np.complex128]) -> float:
-    """Return the product of the two numbers closest to zero, with the sign of the product of all, which is real."""
-    sizes = np.sort(np.abs(values))
-    if not np.isfinite(sizes).all() or sizes[0] == 0.0:
-        return 0.0 if np.isfinite(sizes).all() else math.inf
-    return math.copysign(float(np.prod(sizes[:2])), float(np.prod(np.array(values) / np.abs(values)).real))
-
-
-def _products(multipliers: Sequence[complex]) -> NDArray[np.complex128]:
-    """Return the products of all pairs."""
-    with np.errstate(invalid="ignore"):  # one is infinite at a graze
-        return np.asarray(np.outer(multipliers, multipliers)[np.triu_indices(len(multipliers), 1)])
-
-
-_TESTS: dict[str, Any] = {
-    FOLD: lambda multipliers: _nearest_zero([1.0 - value for value in multipliers]),
-    DOUBLING: lambda multipliers: _nearest_zero([1.0 + value for value in multipliers]),
-    TORUS: lambda multipliers: _nearest_zero(1.0 - _products(multipliers)) if len(multipliers) > 2 else 1.0,
-}
-
-
-def images_along(model: Any, names: Sequence[str], ranges: Sequence[Range]) -> tuple[int, ...]:
-    """Return the mirror image of each stop, if no parameter alone breaks a model's symmetry."""
-    images = mirror(model.at())[0]
-    for name, (low, high) in zip(names, ranges, strict=True):
-        for share in (0.0, 0.31, 1.0) if images else ():
-            try:
-                moved = mirror(model.at(**{name: low + share * (high - low)}))[0]
-            except ValueError:  # the model does not exist at this value
-                continue
-            if moved != images:
-                return ()
-    return images
 
 
 def modes_of(orbit: Orbit, names: tuple[str, ...], ranges: tuple[Range, ...]) -> tuple[Modes, Floats]:

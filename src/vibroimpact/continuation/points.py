@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from vibroimpact.continuation.equations import FOLD, INSIDE, LAST_IMPACT, TOUCH, Equations
+from vibroimpact.continuation.equations import FOLD, INSIDE, LAST_IMPACT, NUDGE, TOUCH, Equations
 from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
@@ -136,6 +136,11 @@ class Point(Solution):
                 break
             inside, outside = (middle, outside) if holds(middle) else (inside, middle)
         return inside
+
+    def outward(self) -> Point:
+        """Return the point with its tangent towards clear orbits, if they lie on one side of it only."""
+        ahead, back = (replace(self, x=self.x + way * NUDGE * self.tangent).clear for way in (1.0, -1.0))
+        return replace(self, tangent=-self.tangent) if back and not ahead else self
 
     @cached_property
     def tests(self) -> dict[str, float]:

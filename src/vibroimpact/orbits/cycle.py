@@ -168,6 +168,25 @@ class Cycle:
         after = self.flow.struck(self.events[i].stop, self.states(unknown)[i], drive)
         return Leg(self.flow, np.append(after, drive), float(angles[i + 1] - angles[i]), self.phases[i + 1])
 
+    def state_at(self, unknown: Floats, i: int, angle: float) -> tuple[Floats, Floats]:
+        """Return state and drive at an angle in leg i."""
+        leg = self.leg(unknown, i)
+        return self.flow.fly(leg.start[: 2 * self.flow.n], unknown[i], angle, leg.pushing), self.flow.drive(angle)
+
+    def repeats(self, unknown: Floats, near: float) -> bool:
+        """Whether the motion repeats within the whole cycle, with states that differ by at most `near`."""
+        cycle, unknown = self.whole(unknown) if self.images else (self, unknown)
+        angles = cycle.angles(unknown)
+        leg = int(np.argmax(np.diff(angles)))
+        middle = 0.5 * float(angles[leg] + angles[leg + 1])
+        state, _ = cycle.state_at(unknown, leg, middle)
+        for times in range(2, cycle.n_periods + 1):
+            angle = angles[0] + (middle - angles[0] + cycle.length / times) % cycle.length
+            later, _ = cycle.state_at(unknown, int(np.searchsorted(angles, angle)) - 1, angle)
+            if cycle.n_periods % times == 0 and np.abs(later - state).max() <= near:
+                return True
+        return False
+
     def speeds(self, unknown: Floats) -> Floats:
         """Return the rates at the events per unit of driving angle, divided by the lengths of their stops' directions.
 

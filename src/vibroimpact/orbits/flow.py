@@ -263,11 +263,17 @@ class Flow:
         row, bound = self.watched(event)
         return float(bound @ z + row @ x), row, float(bound @ self.turning @ z)
 
-    def touching(self, stop: int, x: Floats, z: Floats, pushing: Pushing = ()) -> tuple[float, float]:
-        """Return the function that vanishes where a leg grazes a stop, and its rate: u, or a pushing stop's pull."""
+    def touching(self, stop: int, x: Floats, z: Floats, pushing: Pushing = ()) -> tuple[tuple[float, float], bool]:
+        """Return the function that vanishes where a leg grazes a stop and its rate, and whether it is the stop's pull.
+
+        It is the clearance u of a free stop, and the pull of one that pushes or has let go while pressed in. A touch of
+        zero pull and rate has u = l^2 u'', which is negative there; u has a minimum at a touch of a free stop.
+        """
         u, rate, bend = self.clearance(stop, x, z, pushing)
         lag = self.lag(stop)
-        return ((u + lag * rate) / (1.0 + lag), (rate + lag * bend) / (1.0 + lag)) if stop in pushing else (u, rate)
+        pull = (u + lag * rate) / (1.0 + lag), (rate + lag * bend) / (1.0 + lag)
+        pulls = stop in pushing or (lag > 0.0 and bend < 0.0)
+        return (pull, True) if pulls else ((u, rate), False)
 
     def saltation(self, event: Event, x: Floats, z: Floats, pushing: Pushing = ()) -> Floats:
         r"""Return the saltation matrix of an event; it is infinite at a graze of a rigid stop.

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from vibroimpact.model.stops import Stop
@@ -39,6 +42,20 @@ def mirror(system: ImpactSystem) -> tuple[tuple[int, ...], str]:
             return (), f"not symmetric: no stop is the mirror image of {stop.name!r}"
         images.append(facing[0])
     return tuple(images), ""
+
+
+def images_along(model: Any, names: Sequence[str], ranges: Sequence[tuple[float, float]]) -> tuple[int, ...]:
+    """Return the mirror image of each stop, if no parameter alone breaks a model's symmetry."""
+    images = mirror(model.at())[0]
+    for name, (low, high) in zip(names, ranges, strict=True):
+        for share in (0.0, 0.31, 1.0) if images else ():
+            try:
+                moved = mirror(model.at(**{name: low + share * (high - low)}))[0]
+            except ValueError:  # the model does not exist at this value
+                continue
+            if moved != images:
+                return ()
+    return images
 
 
 def _is_image(stop: Stop, other: Stop) -> bool:
