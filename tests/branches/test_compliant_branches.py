@@ -199,6 +199,23 @@ def test_a_branch_has_the_same_special_points_from_whichever_of_its_orbits_it_is
 
 
 @pytest.mark.long
+def test_a_branch_closes_also_where_contacts_have_appeared_and_vanished_on_the_way():
+    stop = vi.Stop(direction=1, gap=0.44, stiffness=38.0, damping=0.295, name="a")
+    force = vi.Force(omega=3.28, harmonics={1: 1.0})
+    system = vi.ImpactSystem(mass=1.0, damping=0.03, stiffness=1.0, force=force, stops=[stop])
+    orbit = next(orbit for orbit in vi.find_orbit(system, n_periods=3) if orbit.admissible)
+    branch = vi.continue_orbit(orbit, "a_gap", (-0.5, 2.0), step=0.02, virtual=False)
+    assert branch.outcome == ("closed", "closed")
+    assert all(each.admissible for each in branch.orbits)
+    assert {each.n_impacts for each in branch.orbits} == {1, 2}
+    first, last = branch.orbits[0], branch.orbits[-1]
+    assert first.value("a_gap") == pytest.approx(last.value("a_gap"), rel=1e-9)
+    assert first.velocities == pytest.approx(last.velocities, rel=1e-9)
+    places = sorted(point.value for point in branch.special)
+    assert min(np.diff(places)) > 1e-9  # none is listed twice
+
+
+@pytest.mark.long
 def test_orbits_of_three_periods_live_from_one_graze_of_the_period_1_orbit_to_the_same_again():
     # On the way events of two stops change places twice.
     model = drawn(np.random.default_rng([85, 7]), of_any_kind=True)[0]

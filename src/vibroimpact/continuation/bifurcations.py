@@ -7,13 +7,15 @@ doubling to the doubled orbit that is born there.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from vibroimpact.continuation.equations import DOUBLING, FOLD, GRAZING, LAST_IMPACT, TORUS, TOUCH
 from vibroimpact.continuation.flights import equations_of
-from vibroimpact.continuation.following import check_share
+from vibroimpact.continuation.following import check_share, follow
 from vibroimpact.continuation.points import Point, Solution
 from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.model.scales import scale_of
@@ -52,21 +54,28 @@ def _changed(a: Point, b: Point) -> list[str]:
 def _graze(a: Point, b: Point) -> Solution | None:
     """Return the graze at which the admissible orbits of a step end, or begin.
 
-    Another flight or impact may graze before the one that is found; then orbits beside that are inadmissible.
+    Another flight or impact may graze before the one that is found; then orbits beside that are inadmissible. The graze
+    itself is inadmissible if the step led to another curve; then shorter steps lead to it.
     """
-    inside, outside = (a, b) if a.clear else (b, a)
-    graze = None
-    for _ in range(HALVINGS):
-        conditions = [condition for condition in _changed(inside, outside) if condition in GRAZING]
-        grazes = [one for condition in conditions if (one := _located(condition, inside, outside)) is not None]
-        if not grazes:
-            break
-        graze = min(grazes, key=lambda one: float(np.linalg.norm(one.on_branch - inside.x)))
-        beside = inside.at(graze.on_branch).towards(inside, BESIDE)
-        if beside is None or beside.clear:
-            break
-        outside = beside
+    inside, outside = (a, b) if a.clear else (replace(b, tangent=-b.tangent), a)
+    found = graze = _first(inside, outside)
+    while found is not None:
+        graze, beside = found, inside.at(found.on_branch).towards(inside, BESIDE)
+        found = None if beside is None or beside.clear else _first(inside, beside)
+    if graze is None or not graze.admissible:
+        step, before = BESIDE * a.equations.distance(a.x, b.x), inside
+        for after, end in islice(follow(inside, step), math.ceil(1.0 / BESIDE)):
+            if end or not after.clear:
+                return _first(before, after) or graze
+            before = after
     return graze
+
+
+def _first(inside: Point, outside: Point) -> Solution | None:
+    """Return the graze nearest to a point inside, of those between it and another."""
+    conditions = [condition for condition in _changed(inside, outside) if condition in GRAZING]
+    grazes = [one for condition in conditions if (one := _located(condition, inside, outside)) is not None]
+    return min(grazes, key=lambda one: float(np.linalg.norm(one.on_branch - inside.x)), default=None)
 
 
 def lost_contact(a: Point, b: Point) -> Solution | None:

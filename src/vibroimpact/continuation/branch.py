@@ -17,6 +17,7 @@ from vibroimpact.continuation.flights import equations_of
 from vibroimpact.continuation.following import EDGE, MOST_POINTS, Way, both_ways, check_range, check_share, follow
 from vibroimpact.continuation.points import Point, Solution
 from vibroimpact.continuation.results import BifurcationPoint, Branch, course
+from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.resting import resting_orbits
@@ -285,7 +286,7 @@ def _walk_on(
         if merged:  # at the last point the equations are singular
             graze = lost_contact(before, after)
             if graze is None:
-                after = before.furthest(after, SHARP, partial(_in_order, positive=before.clear))
+                after = before.furthest(after, SHARP, partial(_in_order, positive=before.speeds.min() > -ROUNDING))
             else:
                 after = Point(equations, graze.on_branch, before.tangent)
             regular = after.towards(before, BESIDE) or before
@@ -345,7 +346,7 @@ def _past(way: Way, before: Point, last: Point) -> Point | None:
     A graze, at which both vanish, is listed.
     """
     way.end = "impacts_merge"
-    further = last.equations.past(last.x) if before.clear and last.admissible else None
+    further = last.equations.past(last.x) if last.admissible else None
     if further is None:
         return None
     equations, start = further

@@ -105,13 +105,16 @@ def both_ways(walk: Callable[[float], Iterator[Way]], report: Report) -> list[Wa
     done = 0
     for direction in (-1.0, 1.0):
         if ways and ways[0].end == "closed":
-            return [*ways, Way(ways[0].points[:1], end="closed")]
+            break
         for way in walk(direction):
             if report(done + len(way.points), UNKNOWN, None) is False:
                 way.end = "stopped"
                 break
         done += len(way.points)
         ways.append(way)
+    if ways[-1].end == "closed":  # the whole curve, even if the other way ended before
+        nothing = Way(ways[-1].points[:1], end="closed")
+        return [ways[0], nothing] if len(ways) == 1 else [nothing, ways[1]]
     return ways
 
 

@@ -101,7 +101,7 @@ class Branch(Shown):
     parameter : str
         The parameter that varies.
     orbits : list of Orbit
-        The orbits along the branch; all have the impacts in the same order.
+        The orbits along the branch; contacts with compliant stops may appear, vanish and change places along it.
     special : list of BifurcationPoint
         The bifurcations on the branch, in its order; their orbits are among `orbits`.
     outcome : tuple of two str
