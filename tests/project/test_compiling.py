@@ -347,7 +347,9 @@ def test_warming_up_compiles_every_driver():
         done |= parts
         for part in parts:
             deferred.compile_part(part)
-    assert [what for driver, (what, *_) in machine._announcements.items() if not driver.signatures] == []
+    told = {driver: what for driver, (what, *_) in machine._announcements.items() if not driver.signatures}
+    # The fixed-step scheme of the paper is compiled where it is asked for; another test may have imported it.
+    assert [what for driver, what in told.items() if driver.py_func.__module__ != "vibroimpact.kernels.march"] == []
 
 
 def test_a_process_that_has_computed_nothing_compiles_any_part():
