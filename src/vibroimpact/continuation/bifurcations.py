@@ -58,10 +58,15 @@ def _graze(a: Point, b: Point) -> Solution | None:
     itself is inadmissible if the step led to another curve; then shorter steps lead to it.
     """
     inside, outside = (a, b) if a.clear else (replace(b, tangent=-b.tangent), a)
-    found = graze = _first(inside, outside)
-    while found is not None:
+    graze = None
+    for _ in range(HALVINGS):
+        found = _first(inside, outside)
+        if found is None:
+            break
         graze, beside = found, inside.at(found.on_branch).towards(inside, BESIDE)
-        found = None if beside is None or beside.clear else _first(inside, beside)
+        if beside is None or beside.clear:
+            break
+        outside = beside
     if graze is None or not graze.admissible:
         step, before = BESIDE * a.equations.distance(a.x, b.x), inside
         for after, end in islice(follow(inside, step), math.ceil(1.0 / BESIDE)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -328,12 +328,17 @@ def _in_order(point: Point, positive: bool) -> bool:
     return point.equations.in_order(point.x) and (not positive or bool(point.speeds.min() > 0.0))
 
 
-def _beyond(way: Way, before: Point, special: Solution) -> Point | None:
-    """Add the graze of a compliant stop to a branch, and return the first point beyond it, if there is one."""
+def _listed(way: Way, graze: Point) -> Point:
+    """Return a graze of a compliant stop, added to a branch, which may end there."""
     way.end = "grazing"
-    graze = Point(special.equations, special.x, before.tangent)
     way.special.append(graze)
     way.points.append(graze)
+    return graze
+
+
+def _beyond(way: Way, before: Point, special: Solution) -> Point | None:
+    """Add the graze of a compliant stop to a branch, and return the first point beyond it, if there is one."""
+    graze = _listed(way, Point(special.equations, special.x, before.tangent))
     if graze.equations.repeats(graze.x):  # the orbits of the branch are born there from shorter ones
         return None
     further = graze.equations.beyond(graze.x, _sign(before, graze))
@@ -355,11 +360,8 @@ def _past(way: Way, before: Point, last: Point) -> Point | None:
     if not corrections or np.abs(solution - start).max() > MERGED:
         return None
     if at_graze:
-        way.end = "grazing"
-        graze = Point(equations, solution, last.tangent)
-        way.special.append(graze)
-        way.points.append(graze)
-        equations, solution = replace(equations, condition=BRANCH, impact=0, stop=0), graze.on_branch
+        graze = _listed(way, Point(equations, solution, last.tangent))
+        equations, solution = equations.of_branch, graze.on_branch
     return Point(equations, solution, equations.tangent(solution, along * np.eye(len(solution))[-1]))
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -195,6 +195,11 @@ class Equations(ABC):
     def on_branch(self, x: Floats) -> Floats:
         """Return the unknown of the branch on which a bifurcation lies."""
         return np.concatenate([x[: self.size], x[self.inner :]])
+
+    @property
+    def of_branch(self) -> Self:
+        """These equations without the condition of a boundary."""
+        return replace(self, condition=BRANCH, impact=0, stop=0)
 
     def compliant_at(self, impact: int) -> bool:
         """Whether an impact is a contact with a compliant stop that ends before any other event."""

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroimpact.cells import Floats
-from vibroimpact.continuation.equations import BRANCH
 from vibroimpact.orbits.cycle import Cycle
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.events import GRAZE, IMPACT, LET_GO, PUSH_AGAIN, Event
@@ -84,7 +83,7 @@ def gaining(bounded: Any, x: Floats, sign: float) -> tuple[Any, Floats, Floats] 
     again = PUSH_AGAIN if pulls and flow.lag(stop) else IMPACT
     kinds = (LET_GO, again) if pushes else (again, LET_GO)
     events = (*cycle.events[:at], *(Event(stop, kind) for kind in kinds), *cycle.events[at:])
-    longer = replace(bounded, condition=BRANCH, impact=0, stop=0, cycle=replace(bounded.cycle, events=events))
+    longer = replace(bounded.of_branch, cycle=replace(bounded.cycle, events=events))
     half = BORN / max(cycle.fastest, flow.phase(tuple(sorted({*cycle.phases[at], stop}))).fastest)
     born = None
     for _ in range(SHORTENED):

@@ -243,7 +243,7 @@ class Modes(Equations):
         further = losing(*self.solved(x), self.impact)
         if further is None:
             return None
-        equations = replace(self, condition=BRANCH, impact=0, stop=0, cycle=further[0])
+        equations = replace(self.of_branch, cycle=further[0])
         solution = np.concatenate([equations.scaled_at(further[1], self.values(x)), x[self.inner :]])
         return equations, solution, equations.tangent(solution, sign * np.eye(len(solution))[-1])
 

@@ -180,10 +180,10 @@ class Cycle:
         leg = int(np.argmax(np.diff(angles)))
         middle = 0.5 * float(angles[leg] + angles[leg + 1])
         state, _ = cycle.state_at(unknown, leg, middle)
-        for times in range(2, cycle.n_periods + 1):
+        for times in (times for times in range(2, cycle.n_periods + 1) if cycle.n_periods % times == 0):
             angle = angles[0] + (middle - angles[0] + cycle.length / times) % cycle.length
             later, _ = cycle.state_at(unknown, int(np.searchsorted(angles, angle)) - 1, angle)
-            if cycle.n_periods % times == 0 and np.abs(later - state).max() <= near:
+            if np.abs(later - state).max() <= near:
                 return True
         return False
 

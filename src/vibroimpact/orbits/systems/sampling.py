@@ -76,9 +76,9 @@ def _later(flow: Flow, pushing: Pushing) -> list[Stage]:
             continue
         try:
             form, vectors, number = schur(law, sort=lambda re, im, age=age: -re * age < GONE)
-        except np.linalg.LinAlgError:  # rounding moved an eigenvalue across the limit
-            continue
-        if number != len(left):  # the same
+        except np.linalg.LinAlgError:
+            number = -1
+        if number != len(left):  # rounding moved an eigenvalue across the limit
             continue
         above = solve_sylvester(form[:number, :number], -form[number:, number:], -form[:number, number:])
         slow, rate = form[:number, :number], float(np.linalg.norm(form[:number, :number], 2))
