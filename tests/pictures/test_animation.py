@@ -1,5 +1,8 @@
 """A motion as a film: where the mass is, how long it takes, and that no film is half written."""
 
+import os
+import sys
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -64,6 +67,35 @@ def test_a_film_that_is_interrupted_leaves_what_was_there(motion, tmp_path, endi
         animate(motion, path, overwrite=True, progress=lambda done, total, partial: done < 5)
     assert path.read_bytes() == b"before"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.fixture
+def in_place_of_ffmpeg(tmp_path, monkeypatch):
+    """Return a function that lets Python code do the work of ffmpeg, and a file that it may write to."""
+    written, program = tmp_path / "written", tmp_path / "ffmpeg"
+
+    def replace(code):
+        program.write_text(f"#!{sys.executable}\nimport os, sys, time\nwritten = {str(written)!r}\n{code}")
+        program.chmod(0o755)
+        monkeypatch.setattr("shutil.which", lambda name: str(program))
+
+    return replace, written
+
+
+def test_an_interrupted_film_leaves_no_process_that_writes_it(motion, tmp_path, in_place_of_ffmpeg):
+    replace, written = in_place_of_ffmpeg
+    replace("open(written, 'w').write(str(os.getpid()))\nsys.stdin.buffer.read()\ntime.sleep(600)")
+    with pytest.raises(KeyboardInterrupt):
+        animate(motion, tmp_path / "motion.mp4", progress=lambda *done: False)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(written.read_text()), 0)
+
+
+def test_when_ffmpeg_ends_early_its_message_is_passed_on(motion, tmp_path, in_place_of_ffmpeg):
+    in_place_of_ffmpeg[0]("sys.exit('No space left on device')")
+    with pytest.raises(OSError, match=r"ffmpeg could not write .*motion.*: No space left on device"):
+        animate(motion, tmp_path / "motion.mp4")
+    assert not list(tmp_path.glob("motion*"))
 
 
 def test_what_cannot_be_a_film_is_refused(motion, tmp_path):

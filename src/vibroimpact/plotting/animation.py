@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -166,11 +167,15 @@ def _mp4_writer() -> Callable[[Path, Iterator[Image.Image]], None]:
                    "-r", str(RATE), "-i", "-", "-pix_fmt", "yuv420p", "-f", "mp4", "-y", str(path)]  # fmt: skip
         with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as running:
             assert running.stdin is not None
-            assert running.stderr is not None
-            for frame in chain((first,), frames):
-                running.stdin.write(frame.crop((0, 0, width, height)).tobytes())
-            running.stdin.close()
-            errors = running.stderr.read().decode(errors="replace")
+            try:
+                with suppress(BrokenPipeError):  # ffmpeg has ended, and its message says why
+                    for frame in chain((first,), frames):
+                        running.stdin.write(frame.crop((0, 0, width, height)).tobytes())
+                errors = running.communicate()[1].decode(errors="replace")
+            except BaseException:  # at an interruption, the context would wait for a quarter of a second only
+                running.kill()
+                running.wait()
+                raise
         if running.returncode:
             raise OSError(f"ffmpeg could not write {path.name}: {errors.strip()[-200:]}")
 
