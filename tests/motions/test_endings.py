@@ -274,6 +274,24 @@ def test_teeth_that_stay_pressed_while_their_force_comes_and_goes_are_in_contact
         assert vi.describe(changed, parameters=[], workers=1).motion.name == "permanently in contact"
 
 
+@pytest.mark.parametrize("place", [0.0, 0.2])
+def test_a_mass_between_two_stops_without_clearance_is_at_rest_for_ever(place):
+    """The stops hold it in turn; it never moves, and nothing is hit."""
+    stops = [vi.Stop(direction=side, gap=side * place, restitution=0.5) for side in (1, -1)]
+    held = system(1.0, 0.1, 1.0, 0.7, stops, force={1: 1.0})
+    cells = vi.parameter_map(held, omega=[0.7, 1.0])
+    assert set(cells["status"].values) == STAYS
+    assert cells.attrs["steps_computed"] < 1000
+    (attractor,) = vi.attractors(held)
+    assert attractor.kind == "stuck_forever"
+    motion = vi.simulate(held, periods=3)
+    assert (motion["displacement"] == place).all()
+    forces = motion["force"]
+    assert (forces >= 0.0).all()
+    load = np.sin(0.7 * motion["time"]) - place
+    np.testing.assert_allclose(forces[:, 0] - forces[:, 1], load, atol=1e-12)
+
+
 def test_a_mass_between_a_rigid_stop_and_one_that_gives_at_its_rest_position_is_as_stiff_as_both():
     """Released where the force is zero it is at both stops at once, and leaves one into the other."""
     stops = [vi.Stop(direction=1, gap=0.0, restitution=0.8), vi.Stop(direction=-1, gap=0.0, stiffness=39.4)]

@@ -151,8 +151,6 @@ def happen(rows, k, room):
     z, struck, closing = int(rows[k.which]), int(0.0), int(0.0)
     for y in range(k.stops):
         room.speed[y], room.impulse[y], room.tail[y], room.rebound[y] = 0.0, 0.0, 0.0, 0.0
-    if rows[k.hit] == CONTACT:
-        rows[k.age] = 0.0
     if is_compliant(rows, z, k, None):
         touching = measure(rows, k, room)
         for y in range(k.stops):  # a rigid one at the same place comes first, whatever their order
@@ -165,6 +163,8 @@ def happen(rows, k, room):
         closing = release(rows, k, room)
     else:
         struck, closing = strike(rows, k, room)
+    if rows[k.hit] == CONTACT and (struck or is_compliant(rows, z, k, None)):
+        rows[k.age] = 0.0  # not where a stop lets go: between two without clearance, rests alternate for ever
     if k.compliant:
         began, more = attend(rows, k, room, int(0.0))
         return struck | began, closing | more
