@@ -186,6 +186,64 @@ def test_a_branch_goes_on_where_a_gap_within_a_contact_vanishes():
     assert all(each.admissible for each in branch.orbits)
 
 
+def test_a_contact_with_a_lightly_damped_stop_parts_in_two_at_a_graze_and_is_free_in_between_soon_after():
+    # Where its force first vanishes the stop is pressed in by l^2 u'', as good as nothing: l = c/k is 0.8 ms.
+    stop = vi.Stop(direction=1, gap=0.223, stiffness=23.3, damping=0.018, name="a")
+    system = vi.ImpactSystem(
+        mass=1.0, damping=0.07, stiffness=1.0, force=vi.Force(omega=2.45, harmonics={1: 1.0}), stops=[stop]
+    )
+    (orbit, *_) = (each for each in vi.find_orbit(system, n_periods=2, n_impacts=1) if each.admissible)
+    branch = vi.continue_orbit(orbit, "omega", (2.0, 2.5), virtual=False)
+    assert all(each.admissible for each in branch.orbits)
+    opening, freed = values_of(branch, "grazing")[:2]
+    assert 0.0 < abs(freed - opening) < 1e-7
+    assert {each.n_impacts for each in branch.orbits} == {1, 2}
+
+
+@pytest.mark.long
+def test_a_branch_is_the_same_however_its_steps_fall():
+    # At its lower end two short contacts vanish at nearly the same place, and twins of the orbits are close.
+    stop = vi.Stop(direction=1, gap=0.606, stiffness=185.1, damping=0.15)
+    force = vi.Force(omega=3.52, harmonics={1: 1.0})
+    system = vi.ImpactSystem(mass=1.0, damping=0.08, stiffness=1.0, force=force, stops=[stop])
+    orbit = next(orbit for orbit in vi.find_orbit(system, n_periods=3) if orbit.admissible)
+    places = []
+    for high in (0.65, 0.75, 0.85):
+        branch = vi.continue_orbit(orbit, "stop_1_gap", (-0.5, high), step=0.02, virtual=False)
+        assert branch.outcome == ("range", "range")
+        places.append([special.value for special in branch.special])
+    assert len(places[0]) == 10
+    assert places[1] == pytest.approx(places[0], rel=1e-11)
+    assert places[2] == pytest.approx(places[0], rel=1e-11)
+
+
+@pytest.mark.long
+def test_a_graze_is_found_also_where_another_one_is_just_past():
+    # Downwards, a part that was free before it was struck is still pressed in; then the force of another contact
+    # vanishes for a moment.
+    model = drawn(np.random.default_rng([84, 50]), of_any_kind=True)[0].replace(omega=0.27795)
+    (orbit, *_) = vi.find_orbit(model, near=vi.impact_section(model))
+    branch = vi.continue_orbit(orbit, "omega", (0.2777, 0.278), virtual=False)
+    assert branch.outcome == ("range", "range")
+    assert all(each.admissible for each in branch.orbits)
+    assert values_of(branch, "grazing") == pytest.approx([0.277743913534, 0.277903534891], rel=1e-11)
+
+
+@pytest.mark.long
+def test_a_branch_goes_on_where_an_impact_on_a_rigid_stop_and_a_contact_with_a_compliant_one_change_places():
+    model = drawn(np.random.default_rng([84, 68]), of_any_kind=True)[0]
+    (orbit, *_) = vi.find_orbit(model, near=vi.impact_section(model))
+    branch = vi.continue_orbit(orbit, "omega", (orbit.value("omega"), 0.878), virtual=False)
+    assert branch.outcome == ("range", "range")
+    assert all(each.admissible for each in branch.orbits)
+    orders = ("stop_2", "stop_2", "stop_1", "stop_1"), ("stop_2", "stop_1", "stop_2", "stop_1")
+    assert {each.stops for each in branch.orbits} == set(orders)
+    last = branch.orbits[-1]
+    motion = vi.simulate(last.model, start=last.start, periods=1, samples_per_period=50)
+    displacement, _, _ = last.motion(motion["time"].values)
+    assert motion["displacement"].values == pytest.approx(displacement, abs=1e-9)
+
+
 def test_a_branch_has_the_same_special_points_from_whichever_of_its_orbits_it_is_followed():
     # Two pushes appear at a graze in one direction and meet in the other.
     model = drawn(np.random.default_rng([86, 16]), of_any_kind=True)[0]

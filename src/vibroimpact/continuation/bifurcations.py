@@ -7,6 +7,7 @@ doubling to the doubled orbit that is born there.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import islice
 from typing import Any
@@ -68,12 +69,18 @@ def _graze(a: Point, b: Point) -> Solution | None:
             break
         outside = beside
     if graze is None or not graze.admissible:
-        step, before = BESIDE * a.equations.distance(a.x, b.x), inside
-        for after, end in islice(follow(inside, step), math.ceil(1.0 / BESIDE)):
-            if end or not after.clear:
-                return _first(before, after) or graze
-            before = after
+        return _first(*_finer(inside, outside, lambda point: point.clear)) or graze
     return graze
+
+
+def _finer(a: Point, b: Point, holds: Callable[[Point], bool]) -> tuple[Point, Point]:
+    """Return the neighbours, of points in shorter steps from one towards another, between which a condition fails."""
+    steps = follow(a, BESIDE * a.equations.distance(a.x, b.x))
+    for after, end in islice(steps, math.ceil(1.0 / BESIDE)):
+        if end or not holds(after):
+            return a, after
+        a = after
+    return a, b
 
 
 def _first(inside: Point, outside: Point) -> Solution | None:
@@ -91,7 +98,8 @@ def lost_contact(a: Point, b: Point) -> Solution | None:
     at = int(np.argmin(b.speeds))
     if b.speeds[at] >= 0.0 or a.speeds[at] <= 0.0 or not a.equations.compliant_at(at):
         return None
-    return _located(LAST_IMPACT, a, b)
+    located = _located(LAST_IMPACT, a, b)
+    return located or _located(LAST_IMPACT, *_finer(a, b, lambda point: point.equations.in_order(point.x)))
 
 
 def _located(condition: str, a: Point, b: Point) -> Solution | None:

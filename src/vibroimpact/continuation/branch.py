@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -14,7 +14,15 @@ from vibroimpact.continuation.bifurcations import BESIDE, between, lost_contact
 from vibroimpact.continuation.energy import along_energy
 from vibroimpact.continuation.equations import BRANCH, Equations, Range
 from vibroimpact.continuation.flights import equations_of
-from vibroimpact.continuation.following import EDGE, MOST_POINTS, Way, both_ways, check_range, check_share, follow
+from vibroimpact.continuation.following import (
+    EDGE,
+    MOST_POINTS,
+    Way,
+    both_ways,
+    check_range,
+    check_share,
+    follow_dense,
+)
 from vibroimpact.continuation.points import Point, Solution
 from vibroimpact.continuation.results import BifurcationPoint, Branch, course
 from vibroimpact.orbits.admissibility import ROUNDING
@@ -267,7 +275,10 @@ def walk(
     along = direction * equations.tangent(x, np.eye(len(x))[-1])
     way, home = Way([Point(equations, x, along)]), None
     while (begin := (yield from _walk_on(way, longest, virtual, strides, home))) is not None:
-        way.points.append(begin.outward())
+        begin = begin.outward()
+        if not virtual and not begin.clear:
+            break
+        way.points.append(begin)
         home = begin.equations.seen(way.points[0])
     yield way
 
@@ -278,7 +289,7 @@ def _walk_on(
     """Yield a branch after each point, to its end or to where its equations change; return the first point beyond."""
     before = way.points[-1]
     equations = before.equations
-    for after, end in _dense(before, follow(before, strides * longest, home), longest):
+    for after, end in follow_dense(before, longest, strides, home):
         if end == "lost":
             way.end = "lost"
             return None
@@ -351,7 +362,7 @@ def _past(way: Way, before: Point, last: Point) -> Point | None:
     A graze, at which both vanish, is listed.
     """
     way.end = "impacts_merge"
-    further = last.equations.past(last.x) if last.admissible else None
+    further = last.equations.past(last.x) if before.admissible else None
     if further is None:
         return None
     equations, start = further
@@ -368,24 +379,6 @@ def _past(way: Way, before: Point, last: Point) -> Point | None:
 def _sign(before: Point, after: Point) -> float:
     """Return the direction in which the parameter changes between two points."""
     return math.copysign(1.0, after.on_branch[-1] - before.x[-1])
-
-
-def _dense(before: Point, steps: Iterable[tuple[Point, str]], longest: float) -> Iterator[tuple[Point, str]]:
-    """Yield the points of a curve as `follow` does, with more points where a long step approaches a bifurcation."""
-    for after, end in steps:
-        for point in [] if end == "lost" else _inside(before, after, longest):
-            yield point, ""
-        yield after, end
-        before = after
-
-
-def _inside(a: Point, b: Point, longest: float) -> list[Point]:
-    """Return points between two that are further apart than `longest`, if a test falls by half between them."""
-    weights = a.equations.weights(a.x)
-    if np.linalg.norm((b.x - a.x) * weights) <= 1.01 * longest or not b.nears(a):
-        return []
-    middle = a.towards(b)
-    return [] if middle is None else [*_inside(a, middle, longest), middle, *_inside(middle, b, longest)]
 
 
 def _halved(a: Point, b: Point) -> Solution | None:

@@ -25,6 +25,7 @@ from vibroimpact.progress import Report
 
 SHORTEST = 1e-6  # of the longest step
 STRAIGHT = 0.97  # least cosine between the tangents at two points
+BENT = ((1.0 - STRAIGHT) / (1.0 + STRAIGHT)) ** 0.5  # of a step: how far aside an arc of a circle with it leads
 EASY = 3  # corrections, at most, before a longer step
 GROWTH = 1.5  # growth of the step after an easy one
 AWAY = 3.0  # in longest steps: distance from the first point after which a curve may close
@@ -46,7 +47,8 @@ def follow(first: Point, longest: float, home: Sequence[Point] | None = None) ->
         following = point.at(solution, jacobian) if corrections else point
         direction = following.tangent * weights
         cosine = direction @ (point.tangent * weights) / np.linalg.norm(direction)
-        if not corrections or cosine < STRAIGHT or np.abs((solution - ahead) * weights).max() > step:
+        aside = np.linalg.norm((solution - ahead) * weights)
+        if not corrections or cosine < STRAIGHT or aside > BENT * step:
             step *= 0.5
             if step < SHORTEST * longest:
                 yield point, "lost"
@@ -65,6 +67,27 @@ def follow(first: Point, longest: float, home: Sequence[Point] | None = None) ->
             yield again, "closed"
             return
         step = min(longest, step * (GROWTH if corrections <= EASY else 1.0))
+
+
+def follow_dense(
+    first: Point, longest: float, strides: int, home: Sequence[Point] | None
+) -> Iterator[tuple[Point, str]]:
+    """Yield points as `follow` does, in steps of up to `strides` times `longest` where no test falls by half."""
+    before = first
+    for after, end in follow(first, strides * longest, home):
+        for point in [] if end == "lost" else _inside(before, after, longest):
+            yield point, ""
+        yield after, end
+        before = after
+
+
+def _inside(a: Point, b: Point, longest: float) -> list[Point]:
+    """Return points between two that are further apart than `longest`, if a test falls by half between them."""
+    weights = a.equations.weights(a.x)
+    if np.linalg.norm((b.x - a.x) * weights) <= 1.01 * longest or not b.nears(a):
+        return []
+    middle = a.towards(b)
+    return [] if middle is None else [*_inside(a, middle, longest), middle, *_inside(middle, b, longest)]
 
 
 def _back(before: Point, point: Point, home: Sequence[Point], near: float) -> Point | None:

@@ -48,7 +48,7 @@ def meeting(cycle: Cycle, unknown: Floats) -> Meeting | None:
     """Return a cycle beyond the place where its two closest events meet; None if the motion does not go on.
 
     Two events of one compliant stop vanish, with a gap within a contact or with a push. Those of two stops change
-    places if their order has no effect.
+    places if their order has no effect, as where the impact on a rigid stop does not stop the approach to another one.
     """
     p, at = len(cycle.events), int(np.argmin(np.diff(cycle.angles(unknown))))
     pair = at, (at + 1) % p
@@ -56,7 +56,7 @@ def meeting(cycle: Cycle, unknown: Floats) -> Meeting | None:
     (turned, unknown), at = cycle.rotated(unknown, first), (at - first) % p
     one, other = turned.events[at : at + 2]
     before, after = turned.events[:at], turned.events[at + 2 :]
-    if one.stop != other.stop and cycle.flow.commute(one.stop, other.stop):
+    if cycle.flow.commute(one.stop, other.stop) or _goes_on(turned, unknown, at):
         swapped = replace(turned, events=(*before, other, one, *after))
         unknown[[at, at + 1]] = unknown[[at + 1, at]]
         return Meeting(*swapped.rotated(unknown, swapped.impacts[0]))
@@ -64,6 +64,15 @@ def meeting(cycle: Cycle, unknown: Floats) -> Meeting | None:
         return None
     shorter, angle = replace(turned, events=before + after), 0.5 * float(unknown[at] + unknown[at + 1])
     return Meeting(shorter, np.delete(unknown, [at, at + 1]), one.stop, at - 1, angle)
+
+
+def _goes_on(cycle: Cycle, unknown: Floats, at: int) -> bool:
+    """Whether an impact on a rigid stop and one on a compliant stop meet that is approached before and after it."""
+    flow, state, drive = cycle.flow, cycle.states(unknown)[at], cycle.flow.drive(unknown[at])
+    one, other = sorted(cycle.events[at : at + 2], key=lambda event: bool(flow.compliant[event.stop]))
+    if flow.compliant[one.stop] or not flow.compliant[other.stop] or other.kind != IMPACT:
+        return False
+    return max(flow.closing(other.stop, x, drive) for x in (state, flow.struck(one.stop, state, drive))) < 0.0
 
 
 def gaining(bounded: Any, x: Floats, sign: float) -> tuple[Any, Floats, Floats] | None:
@@ -80,22 +89,22 @@ def gaining(bounded: Any, x: Floats, sign: float) -> tuple[Any, Floats, Floats] 
     (cycle, unknown), at, stop, touch = bounded.solved(x), bounded.impact + 1, bounded.stop, bounded.touch(x)
     flow, pushes = cycle.flow, stop in cycle.phases[at]
     pulls = flow.touching(stop, *cycle.state_at(unknown, at - 1, TURN * touch), cycle.phases[at])[1]
-    again = PUSH_AGAIN if pulls and flow.lag(stop) else IMPACT
-    kinds = (LET_GO, again) if pushes else (again, LET_GO)
-    events = (*cycle.events[:at], *(Event(stop, kind) for kind in kinds), *cycle.events[at:])
-    longer = replace(bounded.of_branch, cycle=replace(bounded.cycle, events=events))
-    half = BORN / max(cycle.fastest, flow.phase(tuple(sorted({*cycle.phases[at], stop}))).fastest)
+    longest = BORN / max(cycle.fastest, flow.phase(tuple(sorted({*cycle.phases[at], stop}))).fastest)
     born = None
-    for _ in range(SHORTENED):
-        lasting = 2.0 * half if pulls else _lasting(half, float(flow.stiffness[stop]), float(flow.viscosity[stop]))
-        pair = touch + np.array([-half, lasting - half]) / TURN
-        start = np.concatenate([x[:at], pair, x[at : bounded.size], x[bounded.inner :]])
-        row = np.eye(len(start))[at + 1] - np.eye(len(start))[at]
-        solution, corrections, jacobian = longer.newton(start, row)
-        born = (longer, solution, longer.tangent(solution, row, jacobian)) if corrections else born
-        if corrections and born is not None and born[2][-1] * sign > 0.0:
-            break
-        half *= 0.5
+    for again in (PUSH_AGAIN, IMPACT) if pulls and flow.lag(stop) else (IMPACT,):  # pressed in at first, soon free
+        kinds = (LET_GO, again) if pushes else (again, LET_GO)
+        events = (*cycle.events[:at], *(Event(stop, kind) for kind in kinds), *cycle.events[at:])
+        longer = replace(bounded.of_branch, cycle=replace(bounded.cycle, events=events))
+        for half in longest * 0.5 ** np.arange(SHORTENED):
+            lasting = 2.0 * half if pulls else _lasting(half, float(flow.stiffness[stop]), float(flow.viscosity[stop]))
+            pair = touch + np.array([-half, lasting - half]) / TURN
+            start = np.concatenate([x[:at], pair, x[at : bounded.size], x[bounded.inner :]])
+            row = np.eye(len(start))[at + 1] - np.eye(len(start))[at]
+            solution, corrections, jacobian = longer.newton(start, row)
+            if corrections:
+                born = longer, solution, longer.tangent(solution, row, jacobian)
+                if born[2][-1] * sign > 0.0 and longer.speeds(solution).min() > 0.0:
+                    return born
     return born
 
 

@@ -138,9 +138,13 @@ class Point(Solution):
         return inside
 
     def outward(self) -> Point:
-        """Return the point with its tangent towards clear orbits, if they lie on one side of it only."""
-        ahead, back = (replace(self, x=self.x + way * NUDGE * self.tangent).clear for way in (1.0, -1.0))
-        return replace(self, tangent=-self.tangent) if back and not ahead else self
+        """Return a point just beside a graze, on the side of clear orbits: ahead if possible; this one if none is."""
+        for way in (1.0, -1.0):
+            ahead = self.x + way * NUDGE * self.tangent
+            solution, corrections, jacobian = self.equations.newton(ahead, self.tangent)
+            if corrections and self.equations.in_order(solution) and (beside := self.at(solution, jacobian)).clear:
+                return replace(beside, tangent=way * beside.tangent)
+        return self
 
     @cached_property
     def tests(self) -> dict[str, float]:
