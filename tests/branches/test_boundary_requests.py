@@ -119,6 +119,37 @@ def test_curves_of_one_type_on_different_stops_are_told_apart_by_their_labels(tm
     assert [text.get_text() for text in vi.plotting.boundaries(found[0]).texts] == ["p2 i1"]
 
 
+@vi.family
+def between_two_stops(omega=2.2, gap=0.5, left_gap=0.0):
+    """A mass between two equal stops; the left one may be further away."""
+    stops = [
+        vi.Stop(direction=1, gap=gap, restitution=0.7, name="right"),
+        vi.Stop(direction=-1, gap=gap + left_gap, restitution=0.7, name="left"),
+    ]
+    return vi.ImpactSystem(
+        mass=1.0, damping=0.05, stiffness=1.0, force=vi.Force(omega=omega, harmonics={1: 1.0}), stops=stops
+    )
+
+
+def test_orbits_that_strike_different_stops_have_curves_of_their_own():
+    """They cross where the gaps are equal, at equal velocities; if both gaps vary alike, mirror images have one."""
+    grazes = []
+    for stop in ("right", "left"):
+        orbit = next(each for each in vi.find_orbit(between_two_stops, stops=stop, n_periods=2) if each.admissible)
+        branch = vi.continue_orbit(orbit, "omega", (0.4, 4.0), virtual=False)
+        grazes.append(special_points(branch, "grazing")[0])
+    for plane, number in (
+        ((("omega", "left_gap"), ((0.4, 4.0), (-0.3, 0.4))), 2),
+        ((("omega", "gap"), ((0.4, 4.0), (0.2, 0.9))), 1),
+    ):
+        each = [curves_through([graze], *plane) for graze in grazes]
+        assert [len(curves) for curves in each] == [1, 1]
+        together = curves_through(grazes, *plane)
+        assert len(together) == number
+        for (alone,), curve in zip(each, together, strict=False):
+            np.testing.assert_array_equal(curve.values, alone.values)
+
+
 SOUGHT = {
     "one mass": (
         OSC,

@@ -26,6 +26,7 @@ from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
 from vibroimpact.orbits.sticking_end import StickingEnd
+from vibroimpact.orbits.symmetry import images_along
 from vibroimpact.parameters import choice, counted, invalid, several, whole_number
 from vibroimpact.progress import Report, reporter
 from vibroimpact.showing import Table, written
@@ -315,19 +316,28 @@ class _Search:
         """Return which orbits lie on a curve already followed, closer to it than a fraction of a step."""
         on_curve = np.zeros(len(orbits), dtype=bool)
         for curve in self.followed:
-            if orbits and (kind, _type(orbits[0])) == (curve.kind, _type(curve.orbits[0])):
-                fastest = max(max(orbit.velocities, default=0.0) for orbit in curve.orbits)
-                places = self._places(orbits, fastest), self._places(curve.orbits, fastest)
+            if not orbits or (kind, _type(orbits[0])) != (curve.kind, _type(curve.orbits[0])):
+                continue
+            fastest = max(max(orbit.velocities, default=0.0) for orbit in curve.orbits)
+            stops = orbits[0].system.stop_names
+            images = images_along(orbits[0].model, *self.plane) if len(stops) > 1 else ()
+            for names in (stops, *([tuple(stops[at] for at in images)] if images else [])):  # or its mirror image does
+                places = self._places(orbits, stops, fastest), self._places(curve.orbits, names, fastest)
                 on_curve |= distances(*places) < SAME * self.longest
         return on_curve
 
-    def _places(self, orbits: Sequence[Orbit], fastest: float) -> Floats:
-        """Return parameters relative to their ranges and, without sticking, the velocity of the hardest impact."""
+    def _places(self, orbits: Sequence[Orbit], stops: Sequence[str], fastest: float) -> Floats:
+        """Return parameters relative to their ranges and, without sticking, the hardest impact on each stop."""
         spans = [high - low for low, high in self.plane.box]
         rows = np.array([[orbit.value(name) for name in self.plane.names] for orbit in orbits]) / spans
         if orbits[0].n_impacts == -1 or fastest == 0.0:
             return rows
-        return np.column_stack([rows, [max(orbit.velocities) / fastest for orbit in orbits]])
+        return np.column_stack([rows, [[_hardest(orbit, stop) / fastest for stop in stops] for orbit in orbits]])
+
+
+def _hardest(orbit: Orbit, stop: str) -> float:
+    """Return the velocity of the hardest impact on a stop, 0 if it is not struck."""
+    return max((v for v, struck in zip(orbit.velocities, orbit.stops, strict=True) if struck == stop), default=0.0)
 
 
 def _unstable(kind: str, orbit: Orbit) -> bool:
