@@ -128,6 +128,26 @@ def test_a_boundary_of_three_masses_keeps_its_condition(kind):
         assert np.isfinite(curve.touch_phases).all()
 
 
+def test_a_neimark_sacker_curve_ends_where_its_pair_meets_at_1_whatever_the_step():
+    system = vi.ImpactSystem(
+        mass=np.diag([1.0, 0.288]),
+        damping=[[0.0351, -0.0227], [-0.0227, 0.0227]],
+        stiffness=[[2.826, -1.826], [-1.826, 1.826]],
+        force=vi.Force(omega=0.941, harmonics={1: [1.479, 0.0]}),
+        stops=[vi.Stop(direction=[1.0, 0.0], gap=0.0317, restitution=0.74, name="a")],
+    )
+    orbit = vi.find_orbit(system, near=vi.State([0.0, 0.0]))[0]
+    (point, *_) = special_points(vi.continue_orbit(orbit, "omega", (0.47, 1.42), step=0.02), "neimark_sacker")
+    ends = []
+    for step in (0.05, 0.01):
+        plane = ("omega", "a_restitution"), ((0.47, 1.42), (0.44, 1.0))
+        curve = vi.continue_boundary(point, *plane, virtual=False, step=step)
+        (at,) = (index for index, end in zip((0, -1), curve.outcome, strict=True) if end == "resonance")
+        assert sum(abs(value - 1.0) < 1e-3 for value in curve.orbits[at].multipliers) == 2
+        ends.append(curve.values[at])
+    assert ends[0] == pytest.approx(ends[1], rel=1e-6)
+
+
 def test_without_a_gap_the_force_only_scales_the_motion_so_no_curve_bends(curves):
     for curve in curves("amplitude"):
         assert np.ptp(curve.values[:, 0]) < 1e-11

@@ -131,6 +131,16 @@ def between_two_stops(omega=2.2, gap=0.5, left_gap=0.0):
     )
 
 
+def test_a_curve_of_grazes_of_symmetric_orbits_is_the_same_when_loaded(tmp_path):
+    """A multiplier of half the cycle is infinite there, and so is its square, that of the cycle."""
+    damper = vi.family(vi.models.impact_damper)
+    orbit = next(each for each in vi.find_orbit(damper, stops="left", symmetric=True) if each.admissible)
+    graze, *_ = special_points(vi.continue_orbit(orbit, "frequency", (22.0, 35.0), virtual=False), "grazing")
+    curve = vi.continue_boundary(graze, ("frequency", "damping_ratio"), ((22.0, 35.0), (0.005, 0.015)), step=0.1)
+    assert vi.load(vi.save(curve, tmp_path / "curve.nc")) == curve
+    assert curve.orbits[0].multipliers[0] == complex(np.inf)
+
+
 def test_orbits_that_strike_different_stops_have_curves_of_their_own():
     """They cross where the gaps are equal, at equal velocities; if both gaps vary alike, mirror images have one."""
     grazes = []

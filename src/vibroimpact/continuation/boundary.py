@@ -25,8 +25,12 @@ from vibroimpact.parameters import invalid, truth
 from vibroimpact.progress import Report, reporter
 from vibroimpact.request import units_of
 
-HALVINGS = 20  # of a step, to locate the onset of inadmissible orbits
+HALVINGS = 20  # of a step, to locate the last point at which a condition holds
 WORST = 1e-10  # residual of a point
+CONDITIONS: dict[str, Callable[[Point], bool]] = {  # of all points of a curve, by the end where one fails
+    "impacts_merge": lambda at: at.equations.in_order(at.x),
+    "resonance": lambda at: at.equations.fits(at.x),
+}
 NEAR = 1e-6  # relative to the orbit's size: largest residual accepted at the given point
 
 
@@ -206,22 +210,23 @@ def _beginning(point: BifurcationPoint, plane: Plane) -> Point:
     return Point(equations, solution, equations.tangent(solution, np.ones(len(solution))))
 
 
+def _holds(condition: Callable[[Point], bool], point: Point) -> bool:
+    """Whether a condition holds at an accurate point."""
+    return point.residual <= WORST and condition(point)
+
+
 def _walk(first: Point, longest: float, virtual: bool, direction: float) -> Iterator[Way]:
     """Yield one direction of a boundary as far as it has been followed, after each point."""
     last = replace(first, tangent=direction * first.tangent)
-    equations, way, begins_admissible = last.equations, Way([last]), last.admissible
+    way, conditions = Way([last]), dict(CONDITIONS)
+    if last.admissible and not virtual:
+        conditions["inadmissible"] = lambda at: at.admissible
     for number, (point, end) in enumerate(follow(last, longest)):
+        broken = next((reason for reason, holds in conditions.items() if not holds(point)), "")
         if end == "lost" or point.residual > WORST:
             point, end = last, "lost"
-        elif not equations.in_order(point.x):
-            point, end = last, "impacts_merge"
-        elif not equations.fits(point.x):
-            point, end = last, "resonance"
-        elif begins_admissible and not virtual and not point.admissible:
-            point, end = (
-                last.furthest(point, HALVINGS, lambda at: at.admissible and at.residual <= WORST),
-                "inadmissible",
-            )
+        elif broken:
+            point, end = last.furthest(point, HALVINGS, partial(_holds, conditions[broken])), broken
         if np.abs(point.x - last.x).max() > EDGE:  # nor the first point again, if it lies on the edge of the ranges
             way.points.append(point)
         way.end = end or "budget"

@@ -27,6 +27,11 @@ def at_first_contact(orbit: Orbit) -> Orbit:
     return make_orbit(orbit.model, steady, np.append(unknown[:1], unknown[len(cycle.events) :]))
 
 
+def _squared(value: complex) -> complex:
+    """Return the square of a multiplier, which is infinite at a graze."""
+    return value * value if math.isfinite(value.real) else value
+
+
 def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> Orbit:
     """Return the orbit of a solution of a cycle's equations, for a system or the family that makes it."""
     system: ImpactSystem = model.at()
@@ -40,7 +45,7 @@ def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> Orbit:
     multipliers = (complex(math.inf), *(0j for _ in range(number - 1))) if grazes_rigid else cycle.multipliers(unknown)
     if cycle.images:
         halves = multipliers
-        multipliers, neutral = (tuple(value * value for value in values) for values in (multipliers, neutral))
+        multipliers, neutral = (tuple(map(_squared, values)) for values in (multipliers, neutral))
         speeds, (cycle, unknown) = np.tile(speeds, 2), cycle.whole(unknown)
     angles, state = unknown[: len(cycle.events)], flow.physical @ unknown[len(cycle.events) :]
     velocities = speeds[cycle.impacts] * flow.lengths[list(cycle.stops)] * flow.omega
