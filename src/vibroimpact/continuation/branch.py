@@ -339,20 +339,18 @@ def _in_order(point: Point, positive: bool) -> bool:
     return point.equations.in_order(point.x) and (not positive or bool(point.speeds.min() > 0.0))
 
 
-def _listed(way: Way, graze: Point) -> Point:
-    """Return a graze of a compliant stop, added to a branch, which may end there."""
+def _goes_beyond(way: Way, graze: Point) -> bool:
+    """Add a graze of a compliant stop to a branch; return whether it goes on: orbits may become shorter ones there."""
     way.end = "grazing"
     way.special.append(graze)
     way.points.append(graze)
-    return graze
+    return not graze.equations.repeats(graze.x)
 
 
 def _beyond(way: Way, before: Point, special: Solution) -> Point | None:
     """Add the graze of a compliant stop to a branch, and return the first point beyond it, if there is one."""
-    graze = _listed(way, Point(special.equations, special.x, before.tangent))
-    if graze.equations.repeats(graze.x):  # the orbits of the branch are born there from shorter ones
-        return None
-    further = graze.equations.beyond(graze.x, _sign(before, graze))
+    graze = Point(special.equations, special.x, before.tangent)
+    further = graze.equations.beyond(graze.x, _sign(before, graze)) if _goes_beyond(way, graze) else None
     return None if further is None else Point(*further)
 
 
@@ -371,7 +369,9 @@ def _past(way: Way, before: Point, last: Point) -> Point | None:
     if not corrections or np.abs(solution - start).max() > MERGED:
         return None
     if at_graze:
-        graze = _listed(way, Point(equations, solution, last.tangent))
+        graze = Point(equations, solution, last.tangent)
+        if not _goes_beyond(way, graze):
+            return None
         equations, solution = equations.of_branch, graze.on_branch
     return Point(equations, solution, equations.tangent(solution, along * np.eye(len(solution))[-1]))
 
