@@ -7,8 +7,8 @@ import numpy as np
 import vibroimpact as vi
 from differences import derivative
 from systems import CONTACT, linear, one_mass
-from vibroimpact.backends.reference.systems import follow
 from vibroimpact.indices import INDICES
+from witness import follow
 
 OF_IMPACTS = ("time", "velocity", *CONTACT)
 

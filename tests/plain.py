@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from differences import derivative
 from systems import linear
-from vibroimpact.backends.reference.systems import follow
+from witness import follow
 
 
 class Plain:

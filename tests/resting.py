@@ -4,7 +4,7 @@ import numpy as np
 
 import vibroimpact as vi
 from systems import linear, sticking
-from vibroimpact.backends.reference.systems import follow
+from witness import follow
 
 OSCILLATORS = {  # with the periods of their cycles
     "slow": (vi.ImpactOscillator(omega=0.1), 1),

@@ -3,10 +3,11 @@
 import numpy as np
 
 import vibroimpact as vi
+from vibroimpact.backends.reference.phases import LinearSystem
 from vibroimpact.backends.reference.stops import CompliantStop, RigidStop
-from vibroimpact.backends.reference.systems import LinearSystem, follow
 from vibroimpact.coexistence import Attractor
 from vibroimpact.orbits import same_orbit
+from witness import follow
 
 CONTACT = ("impulse", "energy_lost", "peak_force", "contact_time", "penetration")
 

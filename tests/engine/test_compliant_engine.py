@@ -9,8 +9,8 @@ import pytest
 import vibroimpact as vi
 from systems import linear
 from vibroimpact.backends.modal import rows
-from vibroimpact.backends.reference.systems import follow
 from vibroimpact.model.elements import BLOCKS, Block
+from witness import follow
 
 FEW = {"transient_impacts": 0, "sample_impacts": 8}
 

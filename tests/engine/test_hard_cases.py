@@ -9,11 +9,11 @@ from scipy.linalg import expm
 import vibroimpact as vi
 from codes import Engine, Witness
 from systems import a_random_system, impacts, linear, springs_of, system, two_masses
-from vibroimpact.backends.reference.systems import follow
 from vibroimpact.orbits.cycle import Leg
 from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.systems.admissibility import clearances, courses
 from vibroimpact.orbits.systems.sampling import evenly, sampled
+from witness import follow
 
 NAMES = ("std", "mean_velocity", "max_velocity", "impacts_per_period")
 

@@ -8,8 +8,8 @@ from numpy.polynomial import legendre
 
 import vibroimpact as vi
 from systems import CONTACT, drawn, linear, on_springs
-from vibroimpact.backends.reference.systems import follow
 from vibroimpact.orbits.labelled import orbits_dataset
+from witness import follow
 
 NODES, WEIGHTS = legendre.leggauss(10)
 COURSE = "exit_time", "exit_velocity", "peak_force_time", "penetration_time"

@@ -11,11 +11,11 @@ from scipy.optimize import brentq
 import vibroimpact as vi
 from differences import derivative
 from systems import a_random_system, chain, linear, two_masses
-from vibroimpact.backends.reference.systems import follow
 from vibroimpact.contact import hunt_crossley, kelvin_voigt, law_of, piecewise
 from vibroimpact.dataset import model_of
 from vibroimpact.orbits.events import Event
 from vibroimpact.orbits.flow import Flow
+from witness import follow
 
 pytestmark = pytest.mark.usefixtures("modal_engine")
 

@@ -9,7 +9,7 @@ import pytest
 
 import vibroimpact as vi
 from systems import difference, drawn, impacts, linear, system
-from vibroimpact.backends.reference.systems import follow
+from witness import follow
 
 SEEDS, BLOCK = (1000, 500) if "FUZZ" in os.environ else (100, 100), 25  # `make fuzz` asks for all
 

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from vibroimpact.backends.reference.phases import LinearSystem
 from vibroimpact.backends.reference.stops import RigidStop
-from vibroimpact.backends.reference.systems import LinearSystem, follow
+from witness import follow
 
 RECORDED = json.loads((Path(__file__).parents[1] / "data" / "siconos.json").read_text())["systems"]  # by tests/oracles
 NUDGE = 1e-9  # of the velocity at the start, to see how errors grow

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import vibroimpact as vi
 from systems import drawn, linear, system
 from vibroimpact.backends.reference.contacts import impact_law
-from vibroimpact.backends.reference.systems import follow
+from witness import follow
 
 # Laws of impacts
 

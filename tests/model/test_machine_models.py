@@ -12,10 +12,10 @@ import vibroimpact as vi
 from oracles.one_impact import motions
 from systems import linear, two_sided
 from vibroimpact import models
-from vibroimpact.backends.reference.systems import follow
 from vibroimpact.models.arguments import TABLE
 from vibroimpact.models.beam_modes import beam_modes
 from vibroimpact.verdict.ranges import check_parameters
+from witness import follow
 
 MODELS = {name: getattr(models, name) for name in models.__all__}
 SYSTEMS = {name: model for name, model in MODELS.items() if isinstance(model(), vi.ImpactSystem)}

@@ -8,7 +8,7 @@ import pytest
 
 import vibroimpact as vi
 from systems import impacts, linear, system, two_masses
-from vibroimpact.backends.reference.systems import follow
+from witness import follow
 
 OK = {vi.Status.OK, vi.Status.SHORT_WINDOW}
 NONE, CEASE, STAYS = {vi.Status.NO_IMPACT}, {vi.Status.STOPPED_IMPACTING}, {vi.Status.STUCK_FOREVER}

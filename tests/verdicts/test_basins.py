@@ -12,8 +12,8 @@ import vibroimpact as vi
 from contents import names_of_starts
 from designs import RARE, random_oscillator
 from systems import THREE, TWINS, changed, linear, random_pair, two_sided
-from vibroimpact.backends.reference.systems import follow
 from vibroimpact.coexistence import striking
+from witness import follow
 
 TWO = vi.ImpactOscillator(omega=3.0)  # a cycle and a sticking orbit
 CHAOS = vi.ImpactOscillator(omega=3.0, restitution=0.9, gap=0.05)  # chaos and period-4 impact-3

@@ -13,8 +13,8 @@ from differences import derivative
 from systems import FORMS, THREE, TWINS, changed, linear, one_mass, random_pair, sticking, two_sided
 from texts import line, numbers, text_of
 from vibroimpact.backends import get_backend
-from vibroimpact.backends.reference.systems import follow
 from vibroimpact.indices import INDICES
+from witness import follow
 
 PERIODIC = {f"two masses, seed {seed}": random_pair(seed) for seed in (0, 2, 6, 10, 17, 18, 19, 22)}
 CYCLES = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -117,33 +117,3 @@ class Flight(NamedTuple):
     time: float
     end: Floats
     event: Floats | None
-
-
-@dataclass(frozen=True)
-class Trajectory:
-    """One motion: its events in order, its final state, the stops that are closed and that push then, and why it ended.
-
-    `ended` is "impacts" (the requested number is reached), "time", or "events" (too many are too weak to be recorded).
-    """
-
-    events: tuple[Event, ...]
-    end: Moment
-    closed: tuple[int, ...]
-    pushing: tuple[int, ...]
-    ended: Literal["impacts", "time", "events"]
-    pieces: tuple[tuple[float, Phase, Floats], ...] = field(repr=False)
-
-    @property
-    def impacts(self) -> tuple[Event, ...]:
-        """The impacts among the events."""
-        return tuple(event for event in self.events if event.kind == "impact")
-
-    def at(self, times: ArrayLike) -> tuple[Floats, Floats]:
-        """Return displacements and velocities at times in s, shape (times, n); just after an impact at its instant."""
-        begins = np.array([begin for begin, _, _ in self.pieces])
-        n = len(self.end.displacement)
-        states = np.empty((np.size(times), 2 * n))
-        for row, time in zip(states, np.ravel(times), strict=True):
-            begin, phase, x = self.pieces[max(int(np.searchsorted(begins, time, side="right")) - 1, 0)]
-            row[:] = phase.moved(x, time - begin)[: 2 * n]
-        return states[:, :n], states[:, n:]

@@ -72,7 +72,6 @@ class Run:
         return Status.BUDGET if calm > self.longest or self.steps > granted else Status.OK
 
     def _move(self) -> None:
-        self.walk.pieces.clear()
         self.walk.move(math.inf)
         self.steps += 1
 

@@ -49,7 +49,6 @@ class Walk:
         self.away: tuple[int, ...] = ()
         self.contacts: dict[int, int | None] = {}  # for both, the index of their event if it is recorded
         self.events: list[Event] = []
-        self.pieces: list[tuple[float, Phase, Floats]] = []
         self.recorded, self.full = 0, False
         self.flight: Flight | None = None  # the last one, and what stops took from it
         self.pushes: dict[int, Push] = {}
@@ -272,7 +271,6 @@ class Walk:
     def move(self, longest: float) -> None:
         """Advance to the next event, or to the end of a block of the grid."""
         eq, phase, x = self.eq, self.eq.phase(self.held, self.pushing), self.vector()
-        self.pieces.append((self.time, phase, x))
         time, end, met = phase.next_event(x, self._watched(phase, x), longest)
         self.flight = Flight(self.at, phase, x, time, end, phase.rows[met[0]][0] if met else None)
         self.pushes, self.calm = pushes(phase, x, time), self.calm + time
