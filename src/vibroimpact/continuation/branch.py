@@ -279,6 +279,7 @@ def walk(
         if not virtual and not begin.clear:
             break
         way.points.append(begin)
+        yield way
         home = begin.equations.seen(way.points[0])
     yield way
 

@@ -143,7 +143,7 @@ class Point(Solution):
             ahead = self.x + way * NUDGE * self.tangent
             solution, corrections, jacobian = self.equations.newton(ahead, self.tangent)
             if corrections and self.equations.in_order(solution) and (beside := self.at(solution, jacobian)).clear:
-                return replace(beside, tangent=way * beside.tangent)
+                return beside if way > 0.0 else replace(beside, tangent=-beside.tangent)
         return self
 
     @cached_property
