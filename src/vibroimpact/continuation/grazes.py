@@ -105,6 +105,8 @@ def gaining(bounded: Any, x: Floats, sign: float) -> tuple[Any, Floats, Floats] 
                 born = longer, solution, longer.tangent(solution, row, jacobian)
                 if born[2][-1] * sign > 0.0 and longer.speeds(solution).min() > 0.0:
                     return born
+        if born is not None and born[0].speeds(born[1]).min() > 0.0:  # the parameter turns back
+            return born
     return born
 
 
