@@ -315,15 +315,15 @@ class _Search:
     def _on_curve(self, kind: str, orbits: Sequence[Orbit]) -> Bools:
         """Return which orbits lie on a curve already followed, closer to it than a fraction of a step."""
         on_curve = np.zeros(len(orbits), dtype=bool)
-        for curve in self.followed:
-            if not orbits or (kind, _type(orbits[0])) != (curve.kind, _type(curve.orbits[0])):
-                continue
+        sought = [_type(kind, orbit) for orbit in orbits[:1]]
+        alike = [curve for curve in self.followed if _type(curve.kind, curve.orbits[0]) in sought]
+        stops = orbits[0].system.stop_names if alike else ()
+        images = images_along(orbits[0].model, *self.plane) if len(stops) > 1 else ()
+        orders = [stops, tuple(stops[at] for at in images)] if images else [stops]  # of itself, and of its mirror image
+        for curve, names in product(alike, orders):
             fastest = max(max(orbit.velocities, default=0.0) for orbit in curve.orbits)
-            stops = orbits[0].system.stop_names
-            images = images_along(orbits[0].model, *self.plane) if len(stops) > 1 else ()
-            for names in (stops, *([tuple(stops[at] for at in images)] if images else [])):  # or its mirror image does
-                places = self._places(orbits, stops, fastest), self._places(curve.orbits, names, fastest)
-                on_curve |= distances(*places) < SAME * self.longest
+            places = self._places(orbits, stops, fastest), self._places(curve.orbits, names, fastest)
+            on_curve |= distances(*places) < SAME * self.longest
         return on_curve
 
     def _places(self, orbits: Sequence[Orbit], stops: Sequence[str], fastest: float) -> Floats:
@@ -347,8 +347,8 @@ def _unstable(kind: str, orbit: Orbit) -> bool:
     return max(map(abs, orbit.multipliers)) > CRITICAL
 
 
-def _type(orbit: Orbit) -> tuple[int, int]:
-    return orbit.n_periods, orbit.n_impacts
+def _type(kind: str, orbit: Orbit) -> tuple[str, int, int]:
+    return kind, orbit.n_periods, orbit.n_impacts
 
 
 def _parts(curve: Boundary, again: Bools, unstable: Bools) -> Iterator[Boundary]:
