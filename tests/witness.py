@@ -41,19 +41,6 @@ class Trajectory:
         return states[:, :n], states[:, n:]
 
 
-class Recorded(Walk):
-    """A walk that keeps where each of its pieces began."""
-
-    def __init__(self, *arguments):
-        super().__init__(*arguments)
-        self.pieces = []
-
-    def move(self, longest):
-        """Keep the beginning of a piece, and follow it."""
-        self.pieces.append((self.time, self.eq.phase(self.held, self.pushing), self.vector()))
-        super().move(longest)
-
-
 def follow(system, displacement, velocity, time=0.0, *, impacts=20, most_periods=1000.0, cut=None):
     """Follow a linear system from a state for a number of impacts or driving periods, whichever ends first.
 
@@ -62,8 +49,8 @@ def follow(system, displacement, velocity, time=0.0, *, impacts=20, most_periods
     """
     eq = Equations(system)
     turns = time / eq.period
-    walk = Recorded(eq, Moment.of(eq, math.floor(turns), turns - math.floor(turns), displacement, velocity), cut)
-    last, ended = walk.turns + most_periods, "events"
+    walk = Walk(eq, Moment.of(eq, math.floor(turns), turns - math.floor(turns), displacement, velocity), cut)
+    last, ended, pieces = walk.turns + most_periods, "events", []
     for _ in range(EVENTS * (impacts + 1)):
         walk.meet()
         walk.full = walk.recorded >= impacts
@@ -73,5 +60,7 @@ def follow(system, displacement, velocity, time=0.0, *, impacts=20, most_periods
         if walk.turns >= last:
             ended = "time"
             break
+        begin = walk.time
         walk.move((last - walk.turns) * walk.eq.period)
-    return Trajectory(tuple(walk.events), walk.at, walk.closed, walk.pushing, ended, tuple(walk.pieces))
+        pieces.append((begin, walk.flight.phase, walk.flight.x))
+    return Trajectory(tuple(walk.events), walk.at, walk.closed, walk.pushing, ended, tuple(pieces))

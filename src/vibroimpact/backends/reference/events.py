@@ -1,4 +1,4 @@
-"""The report of a motion: its events in order, and its states at any time."""
+"""What a motion consists of: states at instants, events, and the flights between them."""
 
 from __future__ import annotations
 
