@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
 
@@ -22,7 +23,7 @@ from vibroimpact.orbits.orbit import Orbit, value_of
 BRANCH, FOLD, DOUBLING, TORUS = "branch", "fold", "period_doubling", "neimark_sacker"
 TOUCH, LAST_IMPACT = "touch", "last_impact"
 GRAZING = (TOUCH, LAST_IMPACT)
-STEP = 1e-5  # step of differences, relative to an unknown's size: accurate to about 1e-10, enough for Newton's method
+STEP = 1e-6  # step of differences, relative to an unknown's size: Newton's last correction is to 1e-6 of itself
 CORRECTIONS = 12  # corrections per point, at most
 CLOSE = 1e-9  # correction after which quadratic convergence is complete
 FAR = 1e3  # larger corrections count as divergence
@@ -270,27 +271,23 @@ class Equations(ABC):
         flights = self.flights(x)
         return flights if self.condition == BRANCH else np.append(flights, self.conditions(x))
 
-    def jacobian(self, x: Floats) -> Floats:
-        """Return the derivative of the residuals: in closed form with respect to impacts, else by differences."""
-        sizes = self.sizes(x)
-        matrix = np.zeros((self.size + len(self.conditions(x)), len(x)))
-        matrix[: self.size, : self.size] = self.flights_jacobian(x)
-        for j in range(len(x)):
-            first = 0 if j >= self.inner else self.size
-            if first < len(matrix):
-                matrix[first:, j] = self._difference(x, j, sizes[j], first)
-        return matrix
+    def linearised(self, x: Floats) -> tuple[Floats, Floats]:
+        """Return the residuals and their derivative, in closed form with respect to impacts, else by differences.
 
-    def _difference(self, x: Floats, j: int, size: float, first: int) -> Floats:
-        """Return the derivative of the residuals by one unknown, without those of the flights unless `first` is 0."""
-
-        def misses(value: float) -> Floats:
-            moved = x.copy()
-            moved[j] = value
-            return self.misses(moved) if first == 0 else np.array(self.conditions(moved))
-
-        step = STEP * size
-        return (misses(x[j] + step) - misses(x[j] - step)) / (2.0 * step)
+        Conditions are evaluated where the linearised flights close, and differentiated along their other solutions
+        alone: Newton's method reaches the same point, and a cycle of many impacts has one or two such directions.
+        """
+        sizes, misses, flights = self.sizes(x), self.flights(x), np.zeros((self.size, len(x)))
+        flights[:, : self.size] = self.flights_jacobian(x)
+        free = np.eye(len(x))[self.inner :]
+        flights[:, self.inner :] = _slopes(self.flights, misses, x, sizes * free) / sizes[self.inner :]
+        if self.condition == BRANCH:
+            return misses, flights
+        left, scales, right = np.linalg.svd(flights * sizes)
+        closed, along = x - sizes * (misses @ left / scales @ right[: self.size]), right[self.size :]
+        conditions = np.array(self.conditions(closed))
+        slopes = _slopes(self.conditions, conditions, closed, sizes * along) @ along / sizes
+        return np.append(misses, conditions), np.concatenate([flights, slopes])
 
     @np.errstate(over="ignore", invalid="ignore")  # what is not finite ends the search
     def newton(self, x: Floats, row: Floats | None = None, target: float | None = None) -> Corrected:
@@ -301,7 +298,7 @@ class Equations(ABC):
             if not self.possible(x):
                 break
             try:
-                misses, jacobian = self.misses(x), self.jacobian(x)
+                misses, jacobian = self.linearised(x)
             except ValueError:  # the family rejects neighbouring values
                 break
             matrix = jacobian
@@ -324,5 +321,10 @@ class Equations(ABC):
     def tangent(self, x: Floats, along: Floats, jacobian: Floats | None = None) -> Floats:
         """Return the tangent of the curve at x, in the direction of `along`, of weighted length 1."""
         weights = self.weights(x)
-        direction = np.linalg.svd((self.jacobian(x) if jacobian is None else jacobian) / weights)[2][-1]
+        direction = np.linalg.svd((self.linearised(x)[1] if jacobian is None else jacobian) / weights)[2][-1]
         return np.asarray(direction / weights * (1.0 if direction @ (along * weights) >= 0.0 else -1.0))
+
+
+def _slopes(function: Callable[[Floats], Any], value: Floats, x: Floats, directions: Floats) -> Floats:
+    """Return the derivatives along some directions of a function with a value at x, one per column."""
+    return np.array([(function(x + STEP * direction) - value) / STEP for direction in directions]).T
