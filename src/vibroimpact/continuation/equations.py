@@ -31,6 +31,7 @@ LEAST = 1e-3  # of the orbit's size: smallest scale used for the step of differe
 NUDGE = 1e-6  # of a range: change of a parameter by which the sensitivity of the equations is estimated
 INSIDE = 1e-6  # turns: a touch closer to an impact counts as the impact itself
 REST = 1e-9  # of the orbit's speed: a slower impact is a graze
+REPEATED = 1e-6  # of the orbit's size: largest difference within a motion that repeats
 
 Range = tuple[float, float]
 

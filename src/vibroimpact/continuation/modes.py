@@ -36,6 +36,7 @@ from vibroimpact.continuation.equations import (
     LAST_IMPACT,
     LEAST,
     NUDGE,
+    REPEATED,
     TORUS,
     TOUCH,
     Equations,
@@ -52,7 +53,6 @@ from vibroimpact.orbits.symmetry import images_along
 from vibroimpact.orbits.systems.admissibility import nearest_of
 from vibroimpact.orbits.systems.orbit import make_orbit
 
-REPEATED = 1e-6  # of the scale: largest difference between states that are equal
 NOISE = 1e-12  # a test closer to zero than this is rounding, for example that of an undamped mode
 KEPT = 16  # designs whose flights are cached
 

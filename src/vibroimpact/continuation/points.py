@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from vibroimpact.continuation.equations import FOLD, INSIDE, LAST_IMPACT, NUDGE, TOUCH, Equations
+from vibroimpact.continuation.equations import FOLD, INSIDE, LAST_IMPACT, NUDGE, REPEATED, TOUCH, Equations
 from vibroimpact.continuation.results import BifurcationPoint
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
@@ -28,15 +29,18 @@ class Solution:
     def orbit(self) -> Orbit:
         """The orbit at the point; what vanishes at a graze has the sign of rounding, which is not held against it."""
         orbit = self.equations.orbit(self.x)
-        rounded = abs(self._vanishing) > ROUNDING and self.admissible
+        margin = self.nearest.margin if self.touches and self.nearest else 0.0
+        rounded = np.abs([margin, *self.speeds[self._vanishing]]).max() > ROUNDING and self.admissible
         return replace(orbit, admissible=True, message="") if rounded else orbit
 
-    @property
-    def _vanishing(self) -> float:
-        """The velocity or the clearance that defines a graze, relative to the orbit's; 0 for other conditions."""
-        if self.equations.condition == LAST_IMPACT:
-            return float(self.speeds[self.equations.impact])
-        return self.nearest.margin if self.touches and self.nearest else 0.0
+    @cached_property
+    def _vanishing(self) -> NDArray[np.bool_]:
+        """Whether each impact vanishes at a graze: the one that defines it and, if the motion repeats, its copies."""
+        at, vanishing = self.equations, np.zeros(len(self.speeds), bool)
+        if at.condition == LAST_IMPACT:
+            vanishing |= at.repeats(self.x) & (np.abs(self.speeds) < REPEATED)
+            vanishing[at.impact] = True
+        return vanishing
 
     @property
     def value(self) -> float:
@@ -76,8 +80,7 @@ class Solution:
     @property
     def admissible(self) -> bool:
         """Whether the orbit is admissible, apart from the graze that defines a boundary."""
-        at_impact = self.equations.condition == LAST_IMPACT
-        others = np.delete(self.speeds, self.equations.impact) if at_impact else self.speeds
+        others = self.speeds[~self._vanishing]
         return bool((others > 0.0).all() and self.margin >= -ROUNDING and self.parted)
 
     @property
