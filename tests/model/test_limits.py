@@ -104,6 +104,19 @@ def test_where_none_of_some_stiff_motions_ends_the_others_are_not_tried(monkeypa
     assert runner.steps == steps.sum()
 
 
+def test_motions_that_close_early_are_followed_together_however_long_the_window(monkeypatch):
+    parts, run = [], measuring.run_sweep
+    monkeypatch.setattr(
+        measuring, "run_sweep", lambda engine, cells, *more: parts.append(len(cells)) or run(engine, cells, *more)
+    )
+    runner = measuring.Runner()
+    runner.most = 1 << 25  # enough for 80 motions of 1e5 impacts that do not close
+    cells = measuring.spread_cells(vi.ImpactOscillator(omega=2.0).cells({}))
+    assert len(runner.measure(cells, ImpactWindow(50_000, 50_000))) == 256
+    assert parts == [32, 224]
+    assert runner.steps < runner.most / measuring.PARTS
+
+
 def test_a_verdict_that_would_take_too_many_steps_ends_early_and_says_why(monkeypatch):
     monkeypatch.setattr(import_module("vibroimpact.verdict.present"), "STEP_LIMIT", 1_000_000)
     verdict = vi.describe(vi.ImpactOscillator(omega=2.8), parameters=["gap"])

@@ -207,15 +207,16 @@ class Runner:
         """
         number, dearest = len(cells), float(expected_steps(cells, wanted.impacts).max(initial=1.0))
         doubtful = number > PROBES and outlast(cells, wanted)
-        size = max(int(min(self.most / PARTS / dearest, number)), 2 * PROBES)
         order = np.argsort(np.arange(number) % (number // PROBES), kind="stable") if doubtful else np.arange(number)
         lost: Outcome = {}
-        cuts = [PROBES, *range(PROBES + size, number, size)] if doubtful else range(size, number, size)
-        for part in np.split(order, cuts):
+        begun, before, size = 0, self.steps, PROBES if doubtful else self._affordable(dearest, number)
+        while begun < number:
+            part = order[begun : begun + size]
             if self.steps >= self.most:
                 raise SpentError
             if lost:
                 yield part, {name: np.repeat(column, len(part)) for name, column in lost.items()}
+                begun += len(part)
                 continue
             ended, batch = 0, cells if len(part) == number else cells[part]
             for which, outcome in run_sweep(self.engine, batch, wanted, self.workers, self.stop):
@@ -225,6 +226,12 @@ class Runner:
             if doubtful and not ended and not self.stop.is_set():
                 counted = dict.fromkeys(("impacts", "steps"), np.zeros(1, int))
                 lost = {name: column[:1] for name, column in outcome.items()} | counted
+            begun += len(part)
+            size = self._affordable((self.steps - before) / begun, number)
+
+    def _affordable(self, steps: float, number: int) -> int:
+        """Return how many of a number of cells that take so many steps each are run before the limit is checked."""
+        return max(int(min(self.most / PARTS / max(steps, 1.0), number)), 2 * PROBES)
 
     def measure(
         self,

@@ -228,7 +228,7 @@ def describe(
     doubling, Neimark-Sacker point, pitchfork and graze along each parameter, followed in steps of 2 % of its range, or
     up to 8 % far from them. At a graze of a compliant stop, the motion gains or loses a contact and continues, smoothly
     if the stop has no damping. Advice is sought as for one mass, with the orbits of one impact on any stop and the
-    spread impacts of `attractors`. This takes seconds per parameter, and a minute or two if the motion is chaotic.
+    spread impacts of `attractors`. This takes seconds per parameter, and a minute or so if the motion is chaotic.
 
     Examples
     --------
