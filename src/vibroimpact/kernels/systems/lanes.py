@@ -41,6 +41,8 @@ def seat(table, budgets, tickets, lanes, lane, notes, rows, note, k, room, windo
     """Put the next cell into a lane; return its number, or -2 if there is none."""
     cell = next_ticket(tickets)
     if cell >= len(table):
+        rows[:] = 0.0  # what has ended would slow its neighbours
+        lower(lanes, lane, rows, k.rows)
         return -2
     note[:] = 0.0
     copy(budgets[cell], note)
