@@ -64,6 +64,24 @@ def test_near_a_doubling_the_square_of_the_split_grows_with_the_parameter(as_mod
     assert far / near == pytest.approx(4.0, rel=1e-2)
 
 
+@pytest.mark.parametrize(
+    ("parameter", "span", "values"),
+    [
+        ("stiffness", (1.6, 2.3), (2.551469611, 0.04091934, 1.69698237, 1.8093324, 1.20655787, 0.50639540, -0.1330281)),
+        ("omega", (0.9, 1.2), (1.5547508651, 0.01637423, 1.33915471, 1.6110999972, 1.05314477, 0.91838202, 0.0)),
+    ],
+)
+def test_the_orbit_on_the_branch_born_at_a_doubling_can_be_followed_by_the_mass(parameter, span, values):
+    names = "mass", "damping", "stiffness", "amplitude", "omega", "restitution", "gap"
+    osc = vi.ImpactOscillator(**dict(zip(names, values, strict=True)))
+    orbit = next(orbit for orbit in vi.find_orbit(osc) if orbit.admissible)
+    branch = vi.continue_orbit(orbit, parameter, span, virtual=False)
+    point = next(point for point in branch.special if point.kind == "period_doubling")
+    doubled = vi.switch_branch(point)  # at the usual amplitude it would touch the stop once more
+    assert doubled.admissible
+    assert (doubled.n_periods, doubled.n_impacts) == (2 * orbit.n_periods, 2 * orbit.n_impacts)
+
+
 def test_doubled_orbits_are_those_of_the_oscillator():
     osc = vi.ImpactOscillator(omega=2.6)
     branches = [follow_all(vi.find_orbit(model), "omega", (2.5, 2.8), step=0.05) for model in (osc, one_mass(osc))]

@@ -159,15 +159,16 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
     ----------
     point : BifurcationPoint
         Of kind "period_doubling" or "pitchfork".
-    amplitude : float, 0 to 0.5
+    amplitude : float, 1e-6 to 0.5
         Separation :math:`\varepsilon` of the two rounds, in driving periods and relative to the orbit's speed; it is
-        halved if no orbit is found.
+        halved, up to eleven times, if no orbit is found or if that is inadmissible.
 
     Returns
     -------
     Orbit
         A period-2n impact-2p orbit, at a parameter value above or below that of the point, depending on the direction
-        of the doubled branch. At a pitchfork, an asymmetric orbit of the same n and p; the other one is its `twin`.
+        of the doubled branch. At a pitchfork, an asymmetric orbit of the same n and p; the other one is its `twin`. It
+        is inadmissible only if all are.
 
     Raises
     ------
@@ -204,12 +205,18 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
     width = scale_of(point.orbit.model, point.parameter, point.value).size
     once, z = equations_of(point.orbit, (point.parameter,), ((point.value - width, point.value + width),))
     twice, x, apart = once.doubled(z)
+    virtual: list[Any] = []
     for _ in range(TRIES):
         start = x + size * apart
         solution, corrections, _ = twice.newton(start, apart)
         if corrections and np.abs(solution - start).max() < 0.5 * size:
-            return twice.orbit(solution)
+            orbit = twice.orbit(solution)
+            if orbit.admissible:
+                return orbit
+            virtual.append(orbit)
         size *= 0.5
+    if virtual:
+        return virtual[0]
     raise ValueError(
         f"no doubled orbit was found from `point` at {point.parameter} = {point.value:.12g}; try a smaller `amplitude`"
     )
