@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.backends import ImpactWindow
+from vibroimpact.coexistence.final import irregular, rests
 from vibroimpact.coexistence.measuring import AT_REST, Runner, Start, cells_of
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits.sticking import periods_from_release
@@ -227,13 +228,13 @@ def _first_negative(margin: Callable[[float], float], values: Sequence[float]) -
 def _bisected(present: Present, sides: Sequence[Side], runner: Runner) -> list[Side]:
     """Return, for each parameter and direction, the value at which the motion that is followed first changes its class.
 
-    For an undecided motion, neither its final kind nor its end is known.
+    For an undecided motion, neither its final kind nor its end is known, nor for one whose rests rounding decides.
     """
-    if present.measured.motion_class in UNSURE:
+    motion = present.measured
+    if motion.motion_class in UNSURE or (irregular(motion) and rests(motion)):
         return [replace(side, reached=math.nan) for side in sides]
-    group = present.measured.group
     tracks = [
-        Track(side.range, side.range.value, side.end, lambda motion: motion.group == group, present.start, CROWDED)
+        Track(side.range, side.range.value, side.end, lambda other: other.group == motion.group, present.start, CROWDED)
         for side in sides
     ]
     together([carry(track) for track in tracks], runner)
