@@ -15,10 +15,10 @@ from vibroimpact.coexistence.measuring import QUIET, Runner
 from vibroimpact.coexistence.settling import Settled
 from vibroimpact.coexistence.striking import SAME, SettledMotion, sampled, striking
 from vibroimpact.model import Model, State
-from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import Motion
 from vibroimpact.orbits import Orbit, find_orbit, same_orbit
 from vibroimpact.orbits.orbit import family_of
+from vibroimpact.orbits.systems.response import steady_motion
 from vibroimpact.showing import Shown, Table
 from vibroimpact.status import Status
 
@@ -191,7 +191,8 @@ def quiet_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
     if osc.forgets:
         start = State(osc.gap) if stays else osc.steady_state
     else:
-        start = resting(runner, settled, at) if stays else steady_state(osc)
+        steady = None if stays else steady_motion(osc)
+        start = resting(runner, settled, at) if steady is None else steady.start
     return Attractor(kind=one.kind, status=one.status, start=start, model=osc)
 
 
@@ -206,19 +207,6 @@ def resting(runner: Runner, settled: Settled, at: int) -> State:
         last = int(samples.impact_periods[-1]) if len(samples.impact_periods) else 0
         samples = sampled(runner, settled, at, StroboscopicWindow(last + STEADY, 1))
     return samples.last_state(system.period)
-
-
-def steady_state(system: ImpactSystem) -> State:
-    """Return the state at time 0 of the steady motion without stops; every mode must decay."""
-    form = system.modal()
-    elastic = np.where(form.squares > 0.0, form.squares, np.inf)
-    eta, rate = form.constant / elastic, np.zeros(len(elastic))
-    for order, force in zip(form.orders.tolist(), form.forces, strict=True):
-        turn = order * form.omega
-        matrix = np.diag(form.squares - turn**2) + 1j * turn * form.damping
-        amplitude = np.linalg.solve(matrix, force) if force.any() else 0.0 * force
-        eta, rate = eta + amplitude.imag, rate + turn * amplitude.real
-    return State(form.shapes @ eta, form.shapes @ rate)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import numpy as np
 
 from vibroimpact.backends.base import phase_of
 from vibroimpact.cells import Floats
+from vibroimpact.model import State
 from vibroimpact.model.force import turning_values
 from vibroimpact.model.modal import ModalForm
 from vibroimpact.model.points import observed
@@ -125,6 +126,14 @@ class Steady(NamedTuple):
     form: ModalForm
     mean: Floats
     phasors: Any
+
+    @property
+    def start(self) -> State:
+        """The state at time 0."""
+        form, turns = self.form, self.form.omega * self.form.orders
+        return State(
+            form.shapes @ (self.mean + self.phasors.imag.sum(axis=0)), form.shapes @ (turns @ self.phasors.real)
+        )
 
     def along(self, row: Floats, stop: int | None = None) -> tuple[float, Any]:
         """Return mean and phasors along a row over the coordinates, or of the clearance of a stop."""
