@@ -218,5 +218,6 @@ def switch_branch(point: BifurcationPoint, *, amplitude: float = 1e-2) -> Any:
     if virtual:
         return virtual[0]
     raise ValueError(
-        f"no doubled orbit was found from `point` at {point.parameter} = {point.value:.12g}; try a smaller `amplitude`"
+        f"no doubled orbit was found from `point` at {point.parameter} = {point.value:.12g}, with separations from "
+        f"{amplitude:g} to {2.0 * size:.1g}"
     )
