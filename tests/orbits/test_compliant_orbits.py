@@ -259,6 +259,25 @@ def test_what_random_motions_settle_to_is_an_orbit_with_the_same_velocities_and_
     assert repeating >= 15
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2, 5])
+def test_an_orbit_that_strikes_a_stiff_stop_many_times_is_the_motion_of_the_engine_and_can_be_followed(seed):
+    # A contact turns a displacement into a speed some 500 times larger: from impact to impact, up to 1e40 times.
+    rng = np.random.default_rng([91, seed])
+    stop = vi.Stop(direction=1, gap=rng.uniform(0.0, 0.1), stiffness=10.0 ** rng.uniform(5.0, 5.8), damping=100.0)
+    force = vi.Force(omega=rng.uniform(0.3, 0.5), harmonics={1: 1.0})
+    system = vi.ImpactSystem(mass=1.0, damping=0.1, stiffness=1.0, force=force, stops=[stop])
+    attractor, *_ = vi.attractors(system)
+    assert attractor.n_impacts >= 10
+    (orbit,) = vi.find_orbit(system, near=attractor)
+    assert (orbit.n_periods, orbit.n_impacts, orbit.stable) == (attractor.n_periods, attractor.n_impacts, True)
+    p = orbit.n_impacts
+    section = vi.impact_section(system, start=attractor.start, transient_impacts=20 * p, sample_impacts=p)
+    np.testing.assert_allclose(np.sort(orbit.velocities), np.sort(section["velocity"]), rtol=0.0, atol=1e-12)
+    assert np.prod(orbit.multipliers) == pytest.approx(orbit.determinant, rel=1e-9, abs=1e-15)
+    branch = vi.continue_orbit(orbit, "omega", (0.999 * force.omega, 1.001 * force.omega), step=0.2)
+    assert branch.outcome == ("range", "range")
+
+
 @pytest.mark.parametrize("system", [bilinear(), mixed.at(), chain_on_two_stops()], ids=["one", "mixed", "two at once"])
 def test_over_a_cycle_the_force_does_the_work_that_dampers_and_stops_take(system):
     orbit = the_stable(vi.find_orbit(system, n_impacts=len(system.stops)))

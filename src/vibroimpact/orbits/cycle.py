@@ -11,10 +11,15 @@ the force of a compliant stop ends or begins again. In a symmetric system, -q(t 
 Some orbits are then their own mirror image half a cycle later: Theta = pi n, n odd, and s = -1, with the events of half
 a cycle.
 
-The derivatives are exact: with x' just before (-) and after (+) an event, and Gamma and k the derivatives of the state
-after it by the state before it and by time (1 and 0 but for impacts on rigid stops),
+An event is made in the state nearest to x_i in which its level is 0. Solutions are the same, but while levels are not 0
+to rounding, a displacement does not become a speed that a stiff contact makes larger by the ratio of the rates, and the
+next one again, until rounding decides where the cycle ends.
 
-    dx_{i+1} = Phi_i (Gamma_i dx_i + (k_i - x'_i+) dtheta_i) + x'_{i+1}- dtheta_{i+1}.
+The derivatives are exact: with x' just before (-) and after (+) an event, P_i and p_i those of the state in which it is
+made, and Gamma and k those of the state after it by the state before it and by time (1 and 0 but for impacts on rigid
+stops),
+
+    dx_{i+1} = Phi_i (Gamma_i (P_i dx_i + p_i dtheta_i) + (k_i - x'_i+) dtheta_i) + x'_{i+1}- dtheta_{i+1}.
 
 The multipliers are the eigenvalues of the product of flows and saltation matrices, times s for a mirrored half cycle.
 
@@ -157,7 +162,7 @@ class Cycle:
         states, flights = [unknown[len(self.events) :]], self.flights(unknown)
         drives = self.flow.drive(unknown[: len(self.events)])
         for i, event in enumerate(self.events):
-            after = self.flow.struck(event.stop, states[-1], drives[i])
+            after = self.flow.struck(event.stop, self.flow.placed(event, states[-1], drives[i]), drives[i])
             grown, driven = flights[i]
             states.append(after + grown @ after + driven @ drives[i])
         return states
@@ -174,8 +179,8 @@ class Cycle:
 
     def leg(self, unknown: Floats, i: int) -> Leg:
         """Return the leg from event i on."""
-        angles, drive = self.angles(unknown), self.flow.drive(unknown[i])
-        after = self.flow.struck(self.events[i].stop, self.states(unknown)[i], drive)
+        angles, event, drive = self.angles(unknown), self.events[i], self.flow.drive(unknown[i])
+        after = self.flow.struck(event.stop, self.flow.placed(event, self.states(unknown)[i], drive), drive)
         return Leg(self.flow, np.append(after, drive), float(angles[i + 1] - angles[i]), self.phases[i + 1])
 
     def state_at(self, unknown: Floats, i: int, angle: float) -> tuple[Floats, Floats]:
@@ -274,8 +279,9 @@ class Cycle:
             _, row, rise = flow.level(event, x, z)
             matrix[i] = row @ slope
             matrix[i, i] += rise
-            after = flow.struck(event.stop, x, z)
-            by_state, by_angle = flow.impact_slopes(event.stop, x, z)
+            slope = slope - np.outer(row / (row @ row), matrix[i])
+            place = flow.placed(event, x, z)
+            after, (by_state, by_angle) = flow.struck(event.stop, place, z), flow.impact_slopes(event.stop, place, z)
             slope = by_state @ slope
             slope[:, i] += by_angle
             slope[:, i] -= flow.rate(after, z, pushing)

@@ -206,6 +206,12 @@ class Flow:
         v, element = max(-closing * float(self.lengths[stop]) * self.omega, 0.0), self.elements[stop]
         return element.rebound(v), element.sensitivity(v)
 
+    def placed(self, event: Event, x: Floats, z: Floats) -> Floats:
+        """Return the state nearest to x in which an event happens."""
+        level, row, _ = self.level(event, x, z)
+        place: Floats = x - level / (row @ row) * row
+        return place
+
     def struck(self, stop: int, x: Floats, z: Floats) -> Floats:
         """Return the state just after an impact."""
         after, closing = x.copy(), self.closing(stop, x, z)
