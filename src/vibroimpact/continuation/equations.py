@@ -23,7 +23,7 @@ from vibroimpact.orbits.orbit import Orbit, value_of
 BRANCH, FOLD, DOUBLING, TORUS = "branch", "fold", "period_doubling", "neimark_sacker"
 TOUCH, LAST_IMPACT = "touch", "last_impact"
 GRAZING = (TOUCH, LAST_IMPACT)
-STEP = 1e-6  # step of differences, relative to an unknown's size: Newton's last correction is to 1e-6 of itself
+STEP = 1e-5  # step of differences, relative to an unknown's size: accurate to about 1e-10, enough for Newton's method
 CORRECTIONS = 12  # corrections per point, at most
 CLOSE = 1e-9  # correction after which quadratic convergence is complete
 FAR = 1e3  # larger corrections count as divergence
@@ -281,14 +281,16 @@ class Equations(ABC):
         sizes, misses, flights = self.sizes(x), self.flights(x), np.zeros((self.size, len(x)))
         flights[:, : self.size] = self.flights_jacobian(x)
         free = np.eye(len(x))[self.inner :]
-        flights[:, self.inner :] = _slopes(self.flights, misses, x, sizes * free) / sizes[self.inner :]
+        flights[:, self.inner :] = _slopes(self.flights, x, sizes * free) / sizes[self.inner :]
         if self.condition == BRANCH:
             return misses, flights
+        if not (np.isfinite(misses).all() and np.isfinite(flights).all()):
+            raise ValueError("the flights are not finite")
         left, scales, right = np.linalg.svd(flights * sizes)
-        closed, along = x - sizes * (misses @ left / scales @ right[: self.size]), right[self.size :]
-        conditions = np.array(self.conditions(closed))
-        slopes = _slopes(self.conditions, conditions, closed, sizes * along) @ along / sizes
-        return np.append(misses, conditions), np.concatenate([flights, slopes])
+        parts = np.divide(misses @ left, scales, out=np.zeros(self.size), where=scales > 0.0)
+        closed, along = x - sizes * (parts @ right[: self.size]), right[self.size :]
+        slopes = _slopes(self.conditions, closed, sizes * along) @ along / sizes
+        return np.append(misses, self.conditions(closed)), np.concatenate([flights, slopes])
 
     @np.errstate(over="ignore", invalid="ignore")  # what is not finite ends the search
     def newton(self, x: Floats, row: Floats | None = None, target: float | None = None) -> Corrected:
@@ -326,6 +328,10 @@ class Equations(ABC):
         return np.asarray(direction / weights * (1.0 if direction @ (along * weights) >= 0.0 else -1.0))
 
 
-def _slopes(function: Callable[[Floats], Any], value: Floats, x: Floats, directions: Floats) -> Floats:
-    """Return the derivatives along some directions of a function with a value at x, one per column."""
-    return np.array([(function(x + STEP * direction) - value) / STEP for direction in directions]).T
+def _slopes(function: Callable[[Floats], Any], x: Floats, directions: Floats) -> Floats:
+    """Return the derivatives of a function along some directions, as central differences, one per column.
+
+    One-sided ones would leave the parameter at which an orbit has just been born uncertain to a millionth of itself.
+    """
+    slopes = [np.subtract(function(x + STEP * one), function(x - STEP * one)) / (2.0 * STEP) for one in directions]
+    return np.array(slopes, dtype=float).T

@@ -159,23 +159,13 @@ class Cycle:
         return states
 
     def _flown(self, unknown: Floats) -> list[Floats]:
-        states, flights = [unknown[len(self.events) :]], self.flights(unknown)
-        drives = self.flow.drive(unknown[: len(self.events)])
+        states, angles = [unknown[len(self.events) :]], self.angles(unknown)
+        drives = self.flow.drive(angles)
         for i, event in enumerate(self.events):
             after = self.flow.struck(event.stop, self.flow.placed(event, states[-1], drives[i]), drives[i])
-            grown, driven = flights[i]
+            grown, driven = self.flow.over(angles[i + 1] - angles[i], self.phases[i + 1])
             states.append(after + grown @ after + driven @ drives[i])
         return states
-
-    def flights(self, unknown: Floats) -> dict[int, tuple[Floats, Floats]]:
-        """Return Phi - 1 and Psi of each leg."""
-        flights: dict[int, tuple[Floats, Floats]] = self.latest(unknown).setdefault("flights", {})
-        if not flights:
-            durations, pushing = np.diff(self.angles(unknown)), self.phases[1:]
-            for each in set(pushing):
-                legs = [i for i, other in enumerate(pushing) if other == each]
-                flights.update(zip(legs, zip(*self.flow.over(durations[legs], each), strict=True), strict=True))
-        return flights
 
     def leg(self, unknown: Floats, i: int) -> Leg:
         """Return the leg from event i on."""
@@ -271,7 +261,8 @@ class Cycle:
     def derivative(self, unknown: Floats) -> Floats:
         """Return the derivative of the residuals."""
         flow, p, n = self.flow, len(self.events), self.flow.n
-        states, drives = self.states(unknown), flow.drive(self.angles(unknown))
+        angles, states = self.angles(unknown), self.states(unknown)
+        drives = flow.drive(angles)
         slope = np.hstack([np.zeros((2 * n, p)), np.eye(2 * n)])
         matrix = np.zeros((p + 2 * n, p + 2 * n))
         for i, event in enumerate(self.events):
@@ -285,7 +276,8 @@ class Cycle:
             slope = by_state @ slope
             slope[:, i] += by_angle
             slope[:, i] -= flow.rate(after, z, pushing)
-            slope = slope + self.flights(unknown)[i][0] @ slope
+            grown, _ = flow.over(angles[i + 1] - angles[i], pushing)
+            slope = slope + grown @ slope
             slope[:, (i + 1) % p] += flow.rate(states[i + 1], drives[i + 1], pushing)
         matrix[p:] = slope
         matrix[p:, p:] -= self.sign * np.eye(2 * n)
@@ -315,11 +307,11 @@ class Cycle:
 
     def monodromy(self, unknown: Floats) -> Floats:
         """Return the Jacobian of the cycle from just before its first event, in scaled modes, without a free centre."""
-        flow, states, drives = self.flow, self.states(unknown), self.flow.drive(unknown[: len(self.events)])
+        flow, angles = self.flow, self.angles(unknown)
         jacobian: Floats = self.sign * np.eye(2 * flow.n)
-        for i, event in enumerate(self.events):
-            jacobian = flow.saltation(event, states[i], drives[i], self.phases[i]) @ jacobian
-            jacobian = jacobian + self.flights(unknown)[i][0] @ jacobian
+        for i, (event, x) in enumerate(zip(self.events, self.states(unknown), strict=False)):
+            jacobian = flow.saltation(event, x, flow.drive(angles[i]), self.phases[i]) @ jacobian
+            jacobian = jacobian + flow.over(angles[i + 1] - angles[i], self.phases[i + 1])[0] @ jacobian
         return jacobian[np.ix_(~flow.neutral, ~flow.neutral)]
 
     def multipliers(self, unknown: Floats) -> tuple[complex, ...]:

@@ -33,6 +33,7 @@ from vibroimpact.model.system import ImpactSystem
 from vibroimpact.orbits.events import GRAZE, IMPACT, LET_GO, Event, Pushing
 
 ORTHOGONAL = 1e-12  # largest cosine between directions of stops whose impacts do not affect one another
+KEPT = 64  # flights cached: those of one cycle, while its equations are differentiated and its orbit is built
 
 
 class Phase(NamedTuple):
@@ -82,6 +83,7 @@ class Flow:
         self.physical = block_matrix(to_displacement, none, none, to_rate)
         self._phases: dict[Pushing, Phase] = {}
         self.stages: dict[Pushing, Any] = {}  # of the motion, by the stops that push: see `sampling`
+        self._flights: dict[tuple[float, Pushing], tuple[Floats, Floats]] = {}
 
     def drive(self, angle: float | Floats) -> Floats:
         """Return z at a driving angle, or one row per angle."""
@@ -125,6 +127,16 @@ class Flow:
 
     def over(self, angle: float | Floats, pushing: Pushing = ()) -> tuple[Floats, Floats]:
         """Return Phi - 1 and Psi of a flight over an angle, or of flights over many."""
+        if np.ndim(angle):
+            return self._over(angle, pushing)
+        key = float(angle), pushing
+        if key not in self._flights:
+            if len(self._flights) == KEPT:
+                self._flights.clear()
+            self._flights[key] = self._over(*key)
+        return self._flights[key]
+
+    def _over(self, angle: float | Floats, pushing: Pushing) -> tuple[Floats, Floats]:
         phase, n = self.phase(pushing), 2 * self.n
         grown = growth(phase.whole * np.asarray(angle)[..., None, None])
         moved, driven = grown[..., :n, :n], grown[..., :n, n:] * phase.sizes
