@@ -37,7 +37,7 @@ from vibroimpact.request import units_of
 ONE_HALF = 1e-6  # largest difference between the halves of a doubled orbit that has merged with the simple one
 CLOSEST = 1 / 16  # of the step: orbits closer than this to the end of a resting branch are not kept
 MERGED = 1e-4  # largest change of an unknown from the last orbit before two events meet to the one where they do
-SHARP = 30  # halvings of a step: impacts are still further apart than rounding
+SHARP = 24  # halvings of a step: impacts are still further apart than rounding
 
 
 def continue_orbit(
