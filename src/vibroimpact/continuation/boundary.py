@@ -207,6 +207,9 @@ def _beginning(point: BifurcationPoint, plane: Plane) -> Point:
     solution, corrections, _ = equations.newton(x, equations.tangent(x, np.ones(len(x))))
     if not corrections:
         raise NoBoundary("Newton's method does not converge from `point` to its boundary; take another point")
+    ends = np.rint(solution[equations.inner :])
+    on_edge = np.flatnonzero(np.abs(solution[equations.inner :] - ends) <= EDGE)
+    solution[equations.inner + on_edge] = ends[on_edge]  # but for rounding
     return Point(equations, solution, equations.tangent(solution, np.ones(len(solution))))
 
 
