@@ -152,25 +152,27 @@ class Cycle:
 
     def states(self, unknown: Floats) -> list[Floats]:
         """Return the states just before the events, and before the first one of the next cycle."""
+        return self._flown(unknown)[0]
+
+    def _flown(self, unknown: Floats) -> tuple[list[Floats], list[Floats]]:
+        """Return these states, and those in which the events are made."""
         latest = self.latest(unknown)
         if "states" not in latest:
-            latest["states"] = self._flown(unknown.copy())
-        states: list[Floats] = latest["states"]
-        return states
-
-    def _flown(self, unknown: Floats) -> list[Floats]:
-        states, angles = [unknown[len(self.events) :]], self.angles(unknown)
-        drives = self.flow.drive(angles)
-        for i, event in enumerate(self.events):
-            after = self.flow.struck(event.stop, self.flow.placed(event, states[-1], drives[i]), drives[i])
-            grown, driven = self.flow.over(angles[i + 1] - angles[i], self.phases[i + 1])
-            states.append(after + grown @ after + driven @ drives[i])
-        return states
+            states, places, angles = [unknown[len(self.events) :].copy()], [], self.angles(unknown)
+            drives = self.flow.drive(angles)
+            for i, event in enumerate(self.events):
+                places.append(self.flow.placed(event, states[-1], drives[i]))
+                after = self.flow.struck(event.stop, places[-1], drives[i])
+                grown, driven = self.flow.over(angles[i + 1] - angles[i], self.phases[i + 1])
+                states.append(after + grown @ after + driven @ drives[i])
+            latest["states"] = states, places
+        flown: tuple[list[Floats], list[Floats]] = latest["states"]
+        return flown
 
     def leg(self, unknown: Floats, i: int) -> Leg:
         """Return the leg from event i on."""
-        angles, event, drive = self.angles(unknown), self.events[i], self.flow.drive(unknown[i])
-        after = self.flow.struck(event.stop, self.flow.placed(event, self.states(unknown)[i], drive), drive)
+        angles, drive = self.angles(unknown), self.flow.drive(unknown[i])
+        after = self.flow.struck(self.events[i].stop, self._flown(unknown)[1][i], drive)
         return Leg(self.flow, np.append(after, drive), float(angles[i + 1] - angles[i]), self.phases[i + 1])
 
     def state_at(self, unknown: Floats, i: int, angle: float) -> tuple[Floats, Floats]:
@@ -261,7 +263,7 @@ class Cycle:
     def derivative(self, unknown: Floats) -> Floats:
         """Return the derivative of the residuals."""
         flow, p, n = self.flow, len(self.events), self.flow.n
-        angles, states = self.angles(unknown), self.states(unknown)
+        angles, (states, places) = self.angles(unknown), self._flown(unknown)
         drives = flow.drive(angles)
         slope = np.hstack([np.zeros((2 * n, p)), np.eye(2 * n)])
         matrix = np.zeros((p + 2 * n, p + 2 * n))
@@ -271,8 +273,8 @@ class Cycle:
             matrix[i] = row @ slope
             matrix[i, i] += rise
             slope = slope - np.outer(row / (row @ row), matrix[i])
-            place = flow.placed(event, x, z)
-            after, (by_state, by_angle) = flow.struck(event.stop, place, z), flow.impact_slopes(event.stop, place, z)
+            after = flow.struck(event.stop, places[i], z)
+            by_state, by_angle = flow.impact_slopes(event.stop, places[i], z)
             slope = by_state @ slope
             slope[:, i] += by_angle
             slope[:, i] -= flow.rate(after, z, pushing)
