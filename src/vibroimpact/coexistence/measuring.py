@@ -212,11 +212,11 @@ class Runner:
         begun, before, size = 0, self.steps, PROBES if doubtful else self._affordable(dearest, number)
         while begun < number:
             part = order[begun : begun + size]
+            begun += len(part)
             if self.steps >= self.most:
                 raise SpentError
             if lost:
                 yield part, {name: np.repeat(column, len(part)) for name, column in lost.items()}
-                begun += len(part)
                 continue
             ended, batch = 0, cells if len(part) == number else cells[part]
             for which, outcome in run_sweep(self.engine, batch, wanted, self.workers, self.stop):
@@ -226,7 +226,6 @@ class Runner:
             if doubtful and not ended and not self.stop.is_set():
                 counted = dict.fromkeys(("impacts", "steps"), np.zeros(1, int))
                 lost = {name: column[:1] for name, column in outcome.items()} | counted
-            begun += len(part)
             size = self._affordable((self.steps - before) / begun, number)
 
     def _affordable(self, steps: float, number: int) -> int:
