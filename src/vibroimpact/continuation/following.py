@@ -109,7 +109,6 @@ def _to_edge(inside: Point, beyond: Floats, outside: list[int]) -> tuple[Point, 
     solution, corrections, jacobian = inside.equations.newton(start, np.eye(len(start))[j], edges[j])
     if not corrections or np.abs(solution - start).max() > np.abs(beyond - inside.x).max() + EDGE:
         return inside, "lost"
-    solution[j] = edges[j]  # but for rounding
     return inside.at(solution, jacobian), "range"
 
 
