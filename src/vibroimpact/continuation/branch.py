@@ -100,7 +100,7 @@ def continue_orbit(
     branch ends at the period doubling it comes from. Two bifurcations of one kind within a step may be missed; if so,
     halve `step`. At a graze, one multiplier of the orbit that gains an impact tends to infinity [2]_. At r = 0, a graze
     at which the force begins to hold the mass after an impact shows only in `admissible`. Derivatives with respect to
-    turns and velocities are in closed form, the others are differences; this affects the rate of convergence of
+    turns and velocities are in closed form, the others are central differences; this affects the rate of convergence of
     Newton's method, not its limit. An orbit takes about 1 ms per impact, for systems with up to 14 coordinates 10 ms;
     with long contacts of a compliant stop up to 40 ms, and a special point a second.
 

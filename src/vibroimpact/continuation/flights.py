@@ -8,7 +8,7 @@ condition:
     grazing: the velocity of one impact, or gap and rate at the touch.
 
 A free parameter may be any parameter of the model. A family gives the oscillator's parameters only through its
-function, so derivatives with respect to its parameters are differences.
+function, so derivatives with respect to its parameters are central differences.
 """
 
 from __future__ import annotations
