@@ -14,7 +14,7 @@ RUNNER = Runner()
 
 
 def final(osc):
-    return final_motion(RUNNER, osc.cells({}), SEEN)
+    return final_motion(RUNNER, osc, SEEN)
 
 
 @pytest.mark.parametrize("name", TRANSIENTS)

@@ -122,7 +122,7 @@ def test_an_attractor_has_the_name_of_the_motion_that_leads_to_it(oscillators, n
         assert not listed or listed[0].motion.name == listed[0].name
     for i, osc in enumerate(oscillators):
         if names[i] in ("chaotic", "intermittent sticking", "undecided"):
-            mine[i] = final_motion(runner, osc.cells({}), ImpactWindow(500, 500)).measured.name
+            mine[i] = final_motion(runner, osc, ImpactWindow(500, 500)).measured.name
     agree(mine, found)
 
 

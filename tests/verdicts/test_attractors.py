@@ -310,9 +310,10 @@ def test_chaos_that_ends_in_a_cycle_is_not_called_quasi_periodic_where_the_expon
             return super().run(cells, window, *more)
 
     beam, runner = vi.models.clamped_beam_with_stop(), Watching()
-    starts, windows = spread_cells(beam.cells({}), 2048), [ImpactWindow(2047, 2048), settling.LATE_OF_SYSTEMS]
+    starts = spread_cells(beam.cells({}), 2048)
+    watching = settling.Settling(runner, beam, (ImpactWindow(2047, 2048), settling.LATE_OF_SYSTEMS))
     for first in range(1920, -1, -128):
-        settled = settling.settle(runner, beam, starts[first + np.arange(128)], windows)
+        settled = settling.settle(watching, starts[first + np.arange(128)], watching.windows)
         assert not (settled.kind == MotionClass.QUASI_PERIODIC).any()
         if len(runner.again):
             break

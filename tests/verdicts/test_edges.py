@@ -13,6 +13,7 @@ from texts import text_of
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence.measuring import Runner, cells_of, orbit_cells, spread_cells
 from vibroimpact.motion import MotionClass
+from vibroimpact.orbits.search import search_of
 from vibroimpact.verdict.boundaries import nearest_boundaries
 from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.present import coexisting_motions, present_motion
@@ -179,7 +180,7 @@ def rest(osc):
 
 
 def many(osc):
-    return Cells.join([spread_cells(osc.cells({}), 64), *orbit_cells(osc)])
+    return Cells.join([spread_cells(osc.cells({}), 64), *orbit_cells(search_of(osc))])
 
 
 def lasting(cells, runner):

@@ -11,7 +11,7 @@ import numpy as np
 
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow
 from vibroimpact.backends.base import Counts
-from vibroimpact.coexistence.measuring import QUIET, Runner
+from vibroimpact.coexistence.measuring import QUIET
 from vibroimpact.coexistence.settling import Settled
 from vibroimpact.coexistence.striking import SAME, SettledMotion, sampled, striking
 from vibroimpact.model import Model, State
@@ -122,7 +122,7 @@ class Attractor(Shown):
         same = (
             orbit for orbit in found if orbit.stable and orbit.n_periods == self.n_periods and _hits_as(orbit, self)
         )
-        return next((replace(orbit, family=family_of(self.model)) for orbit in same), None)
+        return next((replace(orbit, family=family_of(self.model, self.model.at())) for orbit in same), None)
 
     def _table(self) -> Table:
         facts = {
@@ -179,12 +179,12 @@ def attractor_of(settled: Settled, at: int, motion: SettledMotion) -> Attractor:
         status=one.status,
         start=motion.start,
         stops=names if n else (),
-        model=settled.osc,
+        model=settled.settling.model,
         known_orbit=motion.orbit,
     )
 
 
-def quiet_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
+def quiet_attractor(settled: Settled, at: int) -> Attractor:
     """Return an attractor without impacts: the steady motion without a stop, or rest."""
     osc, one = settled.osc, settled[at]
     stays = one.status == Status.STUCK_FOREVER or not osc.modal().squares.all()  # at rest at a stop, or adrift
@@ -192,20 +192,20 @@ def quiet_attractor(runner: Runner, settled: Settled, at: int) -> Attractor:
         start = State(osc.gap) if stays else osc.steady_state
     else:
         steady = None if stays else steady_motion(osc)
-        start = resting(runner, settled, at) if steady is None else steady.start
-    return Attractor(kind=one.kind, status=one.status, start=start, model=osc)
+        start = resting(settled, at) if steady is None else steady.start
+    return Attractor(kind=one.kind, status=one.status, start=start, model=settled.settling.model)
 
 
-def resting(runner: Runner, settled: Settled, at: int) -> State:
+def resting(settled: Settled, at: int) -> State:
     """Return the final state of a motion that ends without impacts.
 
     In permanent contact the other coordinates may still move; they are followed until their motion is steady.
     """
     twice = 2 * int(settled.indices["impacts"][at]) + 1  # as long as it took to know: weak impacts may last for ever
-    system, samples = settled.osc, sampled(runner, settled, at, ImpactWindow(0, twice))
+    system, samples = settled.osc, sampled(settled, at, ImpactWindow(0, twice))
     if samples.status == Status.STUCK_FOREVER and system.modal().squares.all():
         last = int(samples.impact_periods[-1]) if len(samples.impact_periods) else 0
-        samples = sampled(runner, settled, at, StroboscopicWindow(last + STEADY, 1))
+        samples = sampled(settled, at, StroboscopicWindow(last + STEADY, 1))
     return samples.last_state(system.period)
 
 
@@ -217,12 +217,12 @@ class Basin:
     members: Counts
 
 
-def match(runner: Runner, settled: Settled, longest: ImpactWindow, counted: int) -> list[Basin]:
+def match(settled: Settled, counted: int) -> list[Basin]:
     """Return the attractors, the one with the largest share of the first `counted` initial conditions first."""
     quiet = [np.flatnonzero(settled.kind == kind) for kind in QUIET]
     basins = [
-        *(Basin(attractor_of(settled, at, one), members) for at, one, members in striking(runner, settled, longest)),
-        *(Basin(quiet_attractor(runner, settled, int(members[0])), members) for members in quiet if members.size),
+        *(Basin(attractor_of(settled, at, one), members) for at, one, members in striking(settled)),
+        *(Basin(quiet_attractor(settled, int(members[0])), members) for members in quiet if members.size),
     ]
     basins = [replace(basin, attractor=_reached(basin, settled, counted)) for basin in basins]
     return sorted(basins, key=lambda b: (-b.attractor.share, b.attractor.name, -b.attractor.max_velocity))

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -22,8 +21,8 @@ import numpy as np
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence.measuring import Measured, Runner, last_of
 from vibroimpact.indices import INDICES
+from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.motion import MotionClass
-from vibroimpact.options import Tolerances
 from vibroimpact.status import Status
 
 WATCHED = 100_000  # impacts over which a motion is watched that does not repeat
@@ -31,7 +30,6 @@ LATE = ImpactWindow(WATCHED // 2, WATCHED // 2)
 RELEASES = 32  # moved releases that are followed at a time
 MOVED = 1e-11  # of V: the most that a release is moved
 TURNS = 4  # computed of a motion that rests again: its own, and that of the exact release until that is closed
-THRIFT = 100  # certified steps per impact: rare hits are not worth a long wait
 
 
 @dataclass(frozen=True)
@@ -59,11 +57,12 @@ class Final:
     ends: dict[str, int] = field(default_factory=dict)
 
 
-def final_motion(runner: Runner, cell: Cells, sample_window: ImpactWindow) -> Final:
-    """Follow one cell to its final motion, for up to 1e5 impacts if it does not repeat before.
+def final_motion(runner: Runner, osc: ImpactOscillator, sample_window: ImpactWindow) -> Final:
+    """Follow one mass from rest to its final motion, for up to 1e5 impacts if it does not repeat before.
 
     A motion that is certain within the paper's 5100 impacts is computed only once.
     """
+    cell = osc.cells({})
     first, samples = runner.record(cell, sample_window)
     if first.motion_class.hits and first.n_periods and first.impacts > sample_window.transient:  # sampled too early
         (samples,) = runner.samples(cell, replace(sample_window, transient=first.impacts))
@@ -74,7 +73,7 @@ def final_motion(runner: Runner, cell: Cells, sample_window: ImpactWindow) -> Fi
             # The indices stay those of a map.
             final = Final(first, samples, final.watched)
     if irregular(final.measured) and rests(final.measured):
-        final = _released(runner, cell, sample_window, final)
+        final = _released(runner, osc, sample_window, final)
     return final if final.measured.name == first.name else replace(final, before=first)
 
 
@@ -91,19 +90,17 @@ def rests(measured: Measured) -> bool:
     return measured.status == Status.STICKING
 
 
-def release_phase(design: Mapping[str, float]) -> float:
+def release_phase(osc: ImpactOscillator) -> float:
     """Return the phase at which the force releases a resting mass."""
-    return 0.5 - math.asin(design["stiffness"] * design["gap"] / design["amplitude"]) / (2.0 * math.pi)
+    return 0.5 - math.asin(osc.stiffness * osc.gap / osc.amplitude) / (2.0 * math.pi)
 
 
-def released(cell: Cells, number: int = 0) -> Cells:
+def released(osc: ImpactOscillator, number: int = 0) -> Cells:
     """Return `RELEASES` releases of the mass, perturbed by up to 1e-11 V, differently for each `number`."""
-    (design,) = cell
-    preload = abs(design["stiffness"] * design["gap"])
-    scale = max(design["amplitude"], preload) / math.sqrt(design["stiffness"] * design["mass"])
     share = (np.arange(RELEASES) + 1.0 / (number + 1.0)) / RELEASES
-    many = Cells(np.repeat(cell.table, RELEASES, axis=0), cell.columns)
-    return many.replace(clearance=0.0, velocity=-MOVED * scale * share, periods=0.0, phase=release_phase(design))
+    speed = -MOVED * osc.velocity_scale * share
+    cells = osc.cells({}).copies(RELEASES)
+    return cells.replace(clearance=0.0, velocity=speed, periods=0.0, phase=release_phase(osc))
 
 
 @dataclass(frozen=True)
@@ -123,25 +120,24 @@ class Fate:
     passing: float
 
 
-def fate_of_release(runner: Runner, cell: Cells) -> Fate:
+def fate_of_release(runner: Runner, osc: ImpactOscillator) -> Fate:
     """Return the final motion of most perturbed releases that do not lead to the next rest, or that rest if all do.
 
     Each interval between rests is an independent trial, so many releases give the same statistics as one long motion.
     """
-    design = released(cell).table.tobytes()
-    if design not in runner.fates:
-        runner.fates[design] = _fate(runner, cell)
-    fate: Fate = runner.fates[design]
+    if osc not in runner.fates:
+        runner.fates[osc] = _fate(runner, osc)
+    fate: Fate = runner.fates[osc]
     return fate
 
 
-def _fate(runner: Runner, cell: Cells) -> Fate:
+def _fate(runner: Runner, osc: ImpactOscillator) -> Fate:
     """Follow perturbed releases until some do not lead to the next rest, or all were followed for long enough."""
     names: Counter[str] = Counter()
     impacts, tried, passing = 0, 0, 0.0
     while True:
-        cells = Cells.join([released(cell, number) for number in range(tried, 2 * tried + 1)])
-        ends = runner.measure(cells, LATE, thrifty(runner), tuple(INDICES))
+        cells = Cells.join([released(osc, number) for number in range(tried, 2 * tried + 1)])
+        ends = runner.measure(cells, LATE, runner.thrifty, tuple(INDICES))
         names.update(end.name for end in ends)
         impacts += sum(end.impacts for end in ends)
         tried = 2 * tried + 1  # twice as many releases each time
@@ -160,24 +156,19 @@ def _fate(runner: Runner, cell: Cells) -> Fate:
     return Fate(cells[at : at + 1], end, dict(names), watched, watched // max(len(elsewhere), 1), passing)
 
 
-def thrifty(runner: Runner) -> Tolerances:
-    """Return the tolerances with which a motion is followed for long."""
-    return replace(runner.tolerances, steps_per_impact=min(runner.tolerances.steps_per_impact, THRIFT))
-
-
 def _watched(runner: Runner, cell: Cells, sample_window: ImpactWindow) -> Final:
     """Return the motion of a cell over 1e5 impacts; if it is on a cycle by then, with that cycle's indices."""
     last = ImpactWindow(WATCHED - sample_window.keep, sample_window.keep)
-    measured, samples = runner.record(cell, last, LATE, thrifty(runner))
+    measured, samples = runner.record(cell, last, LATE, runner.thrifty)
     watched, end = measured.impacts, last_of(samples)
     if measured.motion_class.hits and measured.n_periods and end is not None:
         measured, samples = runner.record(cell.replace(**end._asdict()), sample_window)
     return Final(measured, samples, watched)
 
 
-def _released(runner: Runner, cell: Cells, sample_window: ImpactWindow, resting: Final) -> Final:
+def _released(runner: Runner, osc: ImpactOscillator, sample_window: ImpactWindow, resting: Final) -> Final:
     """Return the attractor of a motion whose next rest is determined by rounding."""
-    fate = fate_of_release(runner, cell)
+    fate = fate_of_release(runner, osc)
     if irregular(fate.end) and rests(fate.end):
         measured = resting.measured if resting.measured.name == fate.end.name else fate.end
         return replace(resting, measured=measured, watched=fate.watched, ends=fate.ends)

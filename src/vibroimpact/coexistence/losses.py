@@ -1,4 +1,4 @@
-"""How a model loses energy: whether impacts die out, or last without loss, so that nothing is attracted."""
+"""How a model loses energy, and so what its motions settle to: impacts may die out, or last without any loss."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact.cells import Floats
-from vibroimpact.matrices import ROUNDING, closed
+from vibroimpact.matrices import ROUNDING, block_matrix, closed
 from vibroimpact.model.modal import ModalForm
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.system import ImpactSystem
+from vibroimpact.motion import MotionClass
 
 APART = ROUNDING**0.5  # half of the digits: of unit vectors, a smaller product is 0
 
 Design = ImpactOscillator | ImpactSystem  # a model at some values of its parameters
+LASTING = (MotionClass.PERIODIC, MotionClass.STICKING, MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC)
 CONTINUUM = "motions of constant energy, periodic or not, each one of a continuum; none is an attractor"
 
 
@@ -78,3 +80,33 @@ def rest_is_contact(form: ModalForm) -> bool:
     still = np.divide(form.constant, form.squares, where=elastic, out=np.zeros(len(elastic)))
     pushed = form.constant[~elastic & ~form.neutral[1]]
     return bool((pushed != 0.0).any() or (form.directions @ still >= form.gaps).any())
+
+
+def attracting_kinds(osc: Design) -> NDArray[np.int8]:
+    """Return what a motion of each kind settles to.
+
+    The model adds to the rule of `classify`: without a force a mass comes to rest, unless it continues to swing,
+    undamped, just clear of the stop; all other motions that still hit are dying out, even if impacts return to within
+    1e-7 V.
+    """
+    forced, damped, touching = _loads(osc)
+    settles_to = np.arange(len(MotionClass), dtype=np.int8)
+    settles_to[[MotionClass.BUDGET, MotionClass.INTERRUPTED]] = MotionClass.UNDECIDED
+    settles_to[MotionClass.DECAYING] = MotionClass.AT_REST if damped or touching else MotionClass.NO_IMPACT
+    if not forced:
+        settles_to[MotionClass.STUCK_FOREVER] = MotionClass.AT_REST
+        settles_to[MotionClass.NO_IMPACT] = MotionClass.AT_REST if damped else MotionClass.NO_IMPACT
+        settles_to[[MotionClass.UNDECIDED, *LASTING]] = settles_to[MotionClass.DECAYING]
+    return settles_to
+
+
+def _loads(osc: Design) -> tuple[bool, bool, bool]:
+    """Return whether a model is driven, whether all its free motion decays, and whether its rest is a contact;
+    a free centre is not counted.
+    """
+    form = osc.modal()
+    n, zero, felt = len(form.squares), np.zeros_like(form.damping), ~form.neutral.ravel()
+    flow = block_matrix(zero, np.eye(n), -np.diag(form.squares), -form.damping)[np.ix_(felt, felt)]
+    size = np.abs(flow).sum(axis=1).max()
+    decays = float(np.linalg.eigvals(flow).real.max()) < -n * ROUNDING * size
+    return driven(form), decays, rest_is_contact(form)

@@ -21,7 +21,8 @@ from vibroimpact.kernels.cell import MOST
 from vibroimpact.model import Model, State
 from vibroimpact.motion import Motion, MotionClass, decide
 from vibroimpact.options import Tolerances
-from vibroimpact.orbits.search import search_of, stable_orbits
+from vibroimpact.orbits.results import Search
+from vibroimpact.orbits.search import stable_orbits
 from vibroimpact.orbits.sticking import CREST
 from vibroimpact.parameters import PACE, invalid
 from vibroimpact.progress import duration
@@ -34,6 +35,7 @@ HARDLY_EVER = 64  # periods: chaos in which the mass rests now and then is, stri
 PROBES = 16  # cells, a block of lanes, that are tried first where all may exceed their budget
 FIRST, LONG = 255, 60.0  # impacts of the first round for systems, and seconds of which a user is warned
 LEAPS, MODES_COST = 6, 0.1  # expected steps that a leap of a stiff system takes; cost of a mode, relative to a step's
+THRIFT = 100  # certified steps per impact: rare hits are not worth a long wait
 PARTS = 8  # of a limit of steps, after each of which it is checked
 EQUAL = 1e-9  # relative: speeds, impulses, shares and sums of lengths that differ by less are equal
 QUIET = (MotionClass.NO_IMPACT, MotionClass.STUCK_FOREVER, MotionClass.AT_REST)
@@ -84,10 +86,10 @@ def spread_cells(cell: Cells, number: int = SPREAD) -> Cells:
     return cell.copies(number).struck(np.arange(number))
 
 
-def orbit_cells(osc: Model) -> list[Cells]:
+def orbit_cells(search: Search) -> list[Cells]:
     """Return an impact of each stable orbit of one impact in up to 16 periods; these are known in closed form."""
-    search, periods = search_of(osc), range(1, ONE_IMPACT_PERIODS + 1)
-    return [carried(osc, orbit.start) for n in periods for orbit in stable_orbits(search, n)]
+    periods = range(1, ONE_IMPACT_PERIODS + 1)
+    return [carried(search.design, orbit.start) for n in periods for orbit in stable_orbits(search, n)]
 
 
 def carried(osc: Any, start: State) -> Cells:
@@ -159,7 +161,7 @@ class Measured(Motion):
 
 
 class SpentError(Exception):
-    """A runner has taken the largest number of certified steps allowed."""
+    """No more motions are computed: the certified steps allowed have been taken, or the caller stops."""
 
 
 class Runner:
@@ -178,7 +180,12 @@ class Runner:
         self.stop = Event()
         self.measured = self.steps = 0
         self.most = math.inf
-        self.fates: dict[bytes, Any] = {}
+        self.fates: dict[Any, Any] = {}
+
+    @property
+    def thrifty(self) -> Tolerances:
+        """The tolerances with which a motion is followed for long."""
+        return replace(self.tolerances, steps_per_impact=min(self.tolerances.steps_per_impact, THRIFT))
 
     def run(
         self, cells: Cells, window: ImpactWindow, tolerances: Tolerances | None = None
@@ -247,6 +254,10 @@ class Runner:
             for name, column in table.items():
                 column[which] = outcome[name]
         return _measured(table, window, names, winds=cells.coordinates > 1)
+
+    def glance(self, cells: Cells, window: ImpactWindow) -> list[Measured]:
+        """Return the motions of changed designs, of which those that hardly ever hit are given up."""
+        return self.measure(cells, window, self.thrifty)
 
     def record(
         self,

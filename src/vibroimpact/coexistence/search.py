@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow, check_takes
+from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
 from vibroimpact.cells import Floats
 from vibroimpact.coexistence.attractor import Attractor, Basin, distinct_names, match
 from vibroimpact.coexistence.labelled import STATISTICS, attractor_variables
-from vibroimpact.coexistence.losses import Design
 from vibroimpact.coexistence.measuring import (
     SPREAD,
     Measured,
@@ -28,11 +27,10 @@ from vibroimpact.coexistence.measuring import (
     warn_of_cost,
 )
 from vibroimpact.coexistence.planes import Plane, plane_of
-from vibroimpact.coexistence.settling import Settled, last_round, outlook_from, outlook_of, rounds, settle
+from vibroimpact.coexistence.settling import SAMPLING, Settled, Settling, outlook_from, outlook_of, settle
 from vibroimpact.dataset import dataset_of, flags, provenance, status_variable
 from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State, check_model
-from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
 from vibroimpact.parameters import check_steps
@@ -43,7 +41,6 @@ from vibroimpact.status import Status
 if TYPE_CHECKING:
     import xarray as xr
 
-SAMPLING = Sampling(transient_impacts=100, sample_impacts=500)  # of the first round
 POINTS = 256  # of an attractor, at most, that are returned to be marked in a portrait
 
 
@@ -142,59 +139,51 @@ def attractors(
     """
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
     check_model(osc)
-    design, runner = osc.at(), Runner(backend, tolerances, workers)
-    warn_of_cost(design, len(starts) if isinstance(starts, Sequence) else SPREAD, runner)
-    found = attractors_by(runner, design, starts, sampling, progress)
-    return [replace(attractor, model=osc) for attractor in found]
-
-
-def check_taken(model: Any, runner: Runner) -> None:
-    """Refuse a model without stops, and a model that the back end does not support."""
-    check_takes(runner.engine, model)
-    if not model.stops:
-        raise ValueError(f"`osc` must have a stop, got {model!s}: without one there is a single motion, the steady one")
+    runner = Runner(backend, tolerances, workers)
+    warn_of_cost(osc.at(), len(starts) if isinstance(starts, Sequence) else SPREAD, runner)
+    return attractors_by(runner, osc, starts, sampling, progress)
 
 
 def attractors_by(
     runner: Runner,
-    osc: Design,
+    model: Model,
     starts: Iterable[State] | None = None,
     sampling: Sampling = SAMPLING,
     progress: bool | Report | None = None,
 ) -> list[Attractor]:
     """Return the attractors of a model as `attractors` does, with a runner that may hold results already."""
-    check_taken(osc, runner)
+    settling = Settling.of(runner, model, sampling)
+    osc, windows = settling.osc, settling.windows
     chosen = spread_cells(osc.cells({})) if starts is None else state_cells(osc, starts)
-    windows = rounds(osc, sampling.transient_impacts, sampling.sample_impacts)
 
     def outlook(settled: Settled, window: ImpactWindow) -> MotionClass:
-        return outlook_of(runner, settled) if window is windows[-1] else MotionClass.UNDECIDED
+        return outlook_of(settled) if window is windows[-1] else MotionClass.UNDECIDED
 
     _check_cost("starts", chosen, windows[0])
     with reporter(progress, "initial conditions") as tell:
-        cells = chosen.join([chosen, *orbit_cells(osc)]) if starts is None else chosen
-        _, reached = _matched(runner, osc, cells, windows, len(chosen), tell, lambda settled: settled.status, outlook)
+        cells = chosen.join([chosen, *orbit_cells(settling.search)]) if starts is None else chosen
+        _, reached = _matched(settling, cells, len(chosen), tell, lambda settled: settled.status, outlook)
     return [basin.attractor for basin in reached]
 
 
-def from_rest(runner: Runner, system: ImpactSystem) -> tuple[Attractor | None, Measured]:
+def from_rest(runner: Runner, model: Model) -> tuple[Attractor | None, Measured]:
     """Return the attractor that a system at rest settles to, None if it is undecided, and the motion with its indices.
 
     The indices of a cycle are those of one cycle; without one, of the longest window.
     """
-    check_taken(system, runner)
-    windows = rounds(system, SAMPLING.transient_impacts, SAMPLING.sample_impacts)
-    settled = settle(runner, system, system.cells({}), [*windows, *last_round(runner, system, windows)])
+    settling = Settling.of(runner, model)
+    system = settling.osc
+    settled = settle(settling, system.cells({}), settling.whole)
     measured = settled[0]
     indices = {name: measured.indices.get(name, math.nan) for name in INDICES}
-    reached = match(runner, settled, windows[-1], 1)
+    reached = match(settled, 1)
     if not reached:
         kind = MotionClass.BUDGET if measured.status == Status.BUDGET else MotionClass.UNDECIDED
         return None, replace(measured, kind=kind.word, n_periods=0, n_impacts=0, indices=indices)
     attractor = reached[0].attractor
     n, p = attractor.n_periods, attractor.n_impacts
     if measured.motion_class.hits:
-        (again,) = runner.measure(carried(system, attractor.start), windows[-1], names=tuple(INDICES))
+        (again,) = runner.measure(carried(system, attractor.start), settling.windows[-1], names=tuple(INDICES))
         indices |= {name: value for name, value in again.indices.items() if name not in measured.indices}
     indices |= {name: float(getattr(attractor, name)) for name in STATISTICS}
     if attractor.velocities:
@@ -276,9 +265,8 @@ def basins(
     plane = plane_of(osc, axes, stop, start)
     model, grid, cells = plane.model, plane.axes, plane.cells()
     sampling = Sampling(transient_impacts=transient_impacts, sample_impacts=sample_impacts)
-    windows = rounds(model, sampling.transient_impacts, sampling.sample_impacts)
     runner = Runner(backend, tolerances, workers)
-    check_taken(model, runner)
+    settling = Settling.of(runner, model, sampling)
     arguments = {
         **{name: np.asarray(value).tolist() for name, value in axes.items() if np.ndim(value) == 0},
         **plane.arguments(),
@@ -294,13 +282,11 @@ def basins(
     def so_far(settled: Settled) -> xr.Dataset:
         return labelled.assign(status=status_variable(dims, settled.status.reshape(shape)))
 
-    survey = cache(lambda: outlook_from(runner, model, spread_cells(model.cells({})), windows))
-    _check_cost("axes", cells, windows[0])
+    survey = cache(lambda: outlook_from(settling, spread_cells(model.cells({}))))
+    _check_cost("axes", cells, settling.windows[0])
     warn_of_cost(model, len(cells), runner)
     with reporter(progress, "initial conditions") as tell:
-        settled, reached = _matched(
-            runner, model, cells, windows, len(cells), tell, so_far, lambda settled, window: survey()
-        )
+        settled, reached = _matched(settling, cells, len(cells), tell, so_far, lambda settled, window: survey())
     numbers = np.full(len(cells), -1)
     for at, basin in enumerate(reached):
         numbers[basin.members] = at
@@ -325,10 +311,8 @@ def _check_cost(name: str, cells: Cells, first: ImpactWindow) -> None:
 
 
 def _matched(
-    runner: Runner,
-    osc: Design,
+    settling: Settling,
     cells: Cells,
-    windows: Sequence[ImpactWindow],
     counted: int,
     tell: Report,
     so_far: Callable[[Settled], Any],
@@ -338,15 +322,15 @@ def _matched(
 
     The last initial condition is decided when the attractors are known.
     """
+    stop = settling.runner.stop
 
     def report(settled: Settled, undecided: int) -> None:
-        stopped = runner.stop.is_set()  # what had ended by then still comes in
+        stopped = stop.is_set()  # what had ended by then still comes in
         if not stopped and tell(len(cells) - undecided, len(cells), so_far(settled)) is False:
-            runner.stop.set()
+            stop.set()
 
-    whole = [*windows, *last_round(runner, osc, windows)]
-    settled = settle(runner, osc, cells, whole, outlook, lambda so, undecided: report(so, max(undecided, 1)))
-    reached = match(runner, settled, windows[-1], counted)
+    settled = settle(settling, cells, settling.whole, outlook, lambda so, undecided: report(so, max(undecided, 1)))
+    reached = match(settled, counted)
     report(settled, int(np.count_nonzero(settled.kind == MotionClass.UNDECIDED)))
     return settled, reached
 

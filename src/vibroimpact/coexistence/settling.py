@@ -20,31 +20,32 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.backends import Cells, ImpactWindow, Samples
+from vibroimpact.backends import Cells, ImpactWindow, Samples, check_takes
 from vibroimpact.backends.base import Counts, Floats, Outcome
-from vibroimpact.coexistence.final import LATE, MOVED, RELEASES, TURNS, WATCHED, Fate, fate_of_release, thrifty
-from vibroimpact.coexistence.losses import Design, attracts, driven, lasting_stops, rest_is_contact
+from vibroimpact.coexistence.final import LATE, MOVED, RELEASES, TURNS, WATCHED, Fate, fate_of_release
+from vibroimpact.coexistence.losses import LASTING, attracting_kinds, attracts, lasting_stops
 from vibroimpact.coexistence.measuring import Measured, Runner, identifying, named
 from vibroimpact.indices import INDICES
-from vibroimpact.matrices import ROUNDING, block_matrix
+from vibroimpact.model import Model
 from vibroimpact.motion import MotionClass, decide, may_wind
+from vibroimpact.options import Sampling
 from vibroimpact.orbits.results import Search
 from vibroimpact.orbits.search import search_of
 from vibroimpact.status import Status
 
+SAMPLING = Sampling(transient_impacts=100, sample_impacts=500)  # of the first round
 ROUNDS = 3  # in which motions that do not repeat are followed further
 LONGER = 4  # how much each round is longer than the one before
 REPRESENTATIVES = 32  # chaotic initial conditions that are watched for all: as many as fill the lanes
 LATE_OF_SYSTEMS = ImpactWindow((1 << 14) - 1, 1 << 14)  # 32,767 impacts in all
 AFTER_LATE = ImpactWindow((1 << 15) - 1, 1 << 15)  # the next ones
-_LASTING = (MotionClass.PERIODIC, MotionClass.STICKING, MotionClass.CHAOTIC, MotionClass.QUASI_PERIODIC)
 NEARLY_ALL = 0.9  # of them rest within 1e5 impacts: chance lets the others not, and all are one attractor
 # Gaps that part groups of cycles, beyond what the way to go (1e-10 V) leaves.
 ENERGY_GAP = 1e-7  # of m V^2, of a cycle's loss per period
@@ -55,23 +56,89 @@ MEAN_GAP, RATE_GAP = 0.02, 0.02
 
 
 @dataclass(frozen=True)
+class Settling:
+    """How motions of a model are followed until they settle: with which runner, and in which windows one by one."""
+
+    runner: Runner
+    model: Model
+    windows: tuple[ImpactWindow, ...]
+
+    @classmethod
+    def of(cls, runner: Runner, model: Model, sampling: Sampling = SAMPLING) -> Settling:
+        """Return how motions are followed; refuse a model without stops, and one that the back end does not support.
+
+        There is a single window if longer ones would decide nothing. For systems, 2^k - 1 impacts are skipped and 2^k
+        kept, since lanes compare later impacts with the first one kept.
+        """
+        osc, transient, keep = model.at(), sampling.transient_impacts, sampling.sample_impacts
+        check_takes(runner.engine, osc)
+        if not osc.stops:
+            raise ValueError(
+                f"`osc` must have a stop, got {osc!s}: without one there is a single motion, the steady one"
+            )
+        times, half = [LONGER**i for i in range(ROUNDS)], 1 << max(transient, (keep - 1) // 4).bit_length()
+        of_one = (ImpactWindow(transient * longer, keep * longer) for longer in times)
+        of_system = (ImpactWindow(half * longer - 1, half * longer) for longer in times)
+        settling = cls(runner, model, tuple(of_one if osc.forgets else of_system))
+        return settling if settling.attracts else replace(settling, windows=settling.windows[:1])
+
+    @cached_property
+    def osc(self) -> Any:
+        """The oscillator or system at the values of the model."""
+        return self.model.at()
+
+    @cached_property
+    def search(self) -> Search:
+        """The search for the orbits of the model."""
+        return search_of(self.model)
+
+    @cached_property
+    def attracts(self) -> bool:
+        """Whether anything is attracted."""
+        return attracts(self.osc)
+
+    @cached_property
+    def rule(self) -> tuple[NDArray[np.int8], int, bool]:
+        """What motions of each kind settle to, bits of the stops struck without loss, and whether motions may wind."""
+        lossless = int(lasting_stops(self.osc) @ (1 << np.arange(len(self.osc.stops))))
+        return attracting_kinds(self.osc), lossless, may_wind(self.osc)
+
+    @property
+    def late(self) -> ImpactWindow:
+        """The window over which motions that do not repeat are followed."""
+        return LATE if self.osc.forgets else LATE_OF_SYSTEMS
+
+    @property
+    def whole(self) -> tuple[ImpactWindow, ...]:
+        """All windows: also the late one, in which motions that do not repeat are followed, if anything is gained."""
+        last, late = self.windows[-1], self.late
+        longer = last.transient + last.keep >= late.transient + late.keep
+        return self.windows if longer or self.runner.engine.slow or not self.attracts else (*self.windows, late)
+
+
+@dataclass(frozen=True)
 class Settled:
     """The motion that each initial condition settles to: its kind and status, and the indices of its last run.
 
     `passing` is the hardest impact in m/s in any window before it had a cycle.
     """
 
-    osc: Any  # a `Design`
+    settling: Settling
     cells: Cells
     kind: NDArray[np.int8]
     status: NDArray[np.int8]
     indices: dict[str, NDArray[Any]]
     passing: Floats
 
-    @cached_property
-    def search(self) -> Search:
-        """The search for the orbits of the model."""
-        return search_of(self.osc)
+    @property
+    def osc(self) -> Any:
+        """The oscillator or system."""
+        return self.settling.osc
+
+    @property
+    def runner(self) -> Runner:
+        """The means of computing its motions."""
+        return self.settling.runner
 
     @property
     def columns(self) -> list[NDArray[Any]]:
@@ -79,14 +146,14 @@ class Settled:
         return [self.kind, self.status, *(column for name, column in self.indices.items() if name != "steps")]
 
     @classmethod
-    def of(cls, osc: Design, cells: Cells) -> Settled:
+    def of(cls, settling: Settling, cells: Cells) -> Settled:
         """Return the initial state, in which nothing is known."""
         number, cells = len(cells), cells[np.arange(len(cells))]
         counts = {name: np.zeros(number, np.int64) for name in ("impacts", "steps", "kept")}
         kinds = {name: INDICES[name].dtype if name in INDICES else np.float64 for name in identifying(cells)}
         indices = {name: np.zeros(number, kind) for name, kind in kinds.items()}
         status = np.full(number, Status.INTERRUPTED, np.int8)
-        return cls(osc, cells, np.zeros(number, np.int8), status, counts | indices, np.zeros(number))
+        return cls(settling, cells, np.zeros(number, np.int8), status, counts | indices, np.zeros(number))
 
     def __getitem__(self, at: int) -> Measured:
         indices = {name: float(column[at]) for name, column in self.indices.items()}
@@ -106,22 +173,16 @@ class Settled:
         self.indices["n_periods"][unnamed] = 0  # what repeats without a loss, or without force, is no cycle
         self.indices["n_impacts"][unnamed] = 0
 
-    @cached_property
-    def _rule(self) -> tuple[NDArray[np.int8], int, bool]:
-        """What motions of each kind settle to, bits of the stops struck without loss, and whether motions may wind."""
-        lossless = int(lasting_stops(self.osc) @ (1 << np.arange(len(self.osc.stops))))
-        return attracting_kinds(self.osc), lossless, may_wind(self.osc)
-
     def _kinds(self, outcome: Outcome, kept: int) -> NDArray[np.int8]:
         """Return the kind of motion that each cell settles to, from the outcome of a window of `kept` impacts."""
-        settles_to, lossless, winds = self._rule
+        settles_to, lossless, winds = self.settling.rule
         growth = outcome["lyapunov_per_impact"] * kept
         kinds = decide(outcome["status"], growth, outcome["n_periods"], outcome["n_impacts"], kept if winds else 0)
         attracting: NDArray[np.int8] = settles_to[kinds]
         # Hits may last without loss: motions that hit as hard do not approach each other.
         struck = outcome.get("struck", np.ones_like(outcome["n_impacts"]))  # one bit a stop, if there are several
         lasts = struck & lossless != 0
-        attracting[lasts & np.isin(kinds, (MotionClass.UNDECIDED, *_LASTING))] = MotionClass.UNDECIDED
+        attracting[lasts & np.isin(kinds, (MotionClass.UNDECIDED, *LASTING))] = MotionClass.UNDECIDED
         return attracting
 
     def follow(self, at: Counts, fate: Fate) -> None:
@@ -135,33 +196,8 @@ class Settled:
         self.passing[at] = np.fmax(fate.passing, self.passing[at])
 
 
-def rounds(osc: Design, transient: int, keep: int) -> list[ImpactWindow]:
-    """Return the windows of successive rounds; a single one if longer rounds would decide nothing.
-
-    For systems, 2^k - 1 impacts are skipped and 2^k kept, since lanes compare later impacts with the first one kept.
-    """
-    number = ROUNDS if attracts(osc) else 1
-    if osc.forgets:
-        return [ImpactWindow(transient * LONGER**i, keep * LONGER**i) for i in range(number)]
-    half = 1 << max(transient, (keep - 1) // 4).bit_length()
-    return [ImpactWindow(half * LONGER**i - 1, half * LONGER**i) for i in range(number)]
-
-
-def late(osc: Design) -> ImpactWindow:
-    """Return the window over which motions that do not repeat are followed."""
-    return LATE if osc.forgets else LATE_OF_SYSTEMS
-
-
-def last_round(runner: Runner, osc: Design, windows: Sequence[ImpactWindow]) -> list[ImpactWindow]:
-    """Return the window in which motions that do not repeat are followed, unless nothing is gained by it."""
-    last = late(osc)
-    longer = windows[-1].transient + windows[-1].keep >= last.transient + last.keep
-    return [] if longer or runner.engine.slow or not attracts(osc) else [last]
-
-
 def settle(
-    runner: Runner,
-    osc: Design,
+    settling: Settling,
     cells: Cells,
     windows: Sequence[ImpactWindow],
     outlook: Callable[[Settled, ImpactWindow], MotionClass] = lambda settled, window: MotionClass.UNDECIDED,
@@ -175,17 +211,17 @@ def settle(
     sticking, or undecided if they differ, in which case all must be continued. Motions whose next rest is determined by
     rounding end as perturbed ones do; those of a system only if it `leaves` its rests.
     """
-    settled = Settled.of(osc, cells)
+    runner, osc, settled = settling.runner, settling.osc, Settled.of(settling, cells)
     kind, status = settled.kind, settled.status
     results = settled.columns
-    fate = partial(fate_of_release, runner, cells[:1])
+    fate = partial(fate_of_release, runner, osc)
     remaining, planned, windows = np.arange(len(cells)), windows, list(windows)
     for window in windows:
         before = [column[remaining] for column in results]
         kind[remaining], status[remaining] = MotionClass.UNDECIDED, Status.INTERRUPTED
         undecided = len(remaining)
-        watched = window == late(osc) or window is AFTER_LATE
-        for which, outcome in runner.run(settled.cells[remaining], window, thrifty(runner) if watched else None):
+        watched = window == settling.late or window is AFTER_LATE
+        for which, outcome in runner.run(settled.cells[remaining], window, runner.thrifty if watched else None):
             settled.note(remaining[which], outcome, window.keep)
             undecided -= int(np.count_nonzero(kind[remaining[which]]))
             report(settled, undecided)
@@ -209,7 +245,7 @@ def settle(
                     again |= chaotic
         winds = kind == MotionClass.QUASI_PERIODIC
         if window is not windows[-1] and winds[remaining].any():
-            again |= winds & (window is not windows[-2] or not _winds_on(runner, settled, winds, windows[-1]))
+            again |= winds & (window is not windows[-2] or not _winds_on(settled, winds, windows[-1]))
         mixed = winds[remaining] & (before[0] == MotionClass.CHAOTIC)
         if window is windows[-1] and window == LATE_OF_SYSTEMS and mixed.any():
             windows.append(AFTER_LATE)
@@ -219,7 +255,7 @@ def settle(
         if remaining.size == 0 or runner.stop.is_set():
             break
     if leaves and not osc.forgets:
-        _leave(runner, settled, planned)
+        _leave(settled, planned)
     return settled
 
 
@@ -228,12 +264,12 @@ def _intermittent(settled: Settled) -> NDArray[np.bool_]:
     return found
 
 
-def _leave(runner: Runner, settled: Settled, windows: Sequence[ImpactWindow]) -> None:
+def _leave(settled: Settled, windows: Sequence[ImpactWindow]) -> None:
     """Continue motions of a system that rest and never repeat as most perturbed ones do that do not rest again.
 
     The state after the first impact from a rest is perturbed. Each interval between rests is an independent trial.
     """
-    stuck = np.flatnonzero(_intermittent(settled))
+    runner, stuck = settled.runner, np.flatnonzero(_intermittent(settled))
     if not stuck.size or runner.stop.is_set():
         return
     cell, impacts, tried = settled.cells[stuck[:1]], 0, 0
@@ -244,7 +280,7 @@ def _leave(runner: Runner, settled: Settled, windows: Sequence[ImpactWindow]) ->
         cells = cell.copies(len(shares)).at(
             samples.last_displacement, samples.last_velocity * (1.0 + shares), samples.last_phase
         )
-        others = settle(runner, settled.osc, cells, windows, leaves=False)
+        others = settle(settled.settling, cells, windows, leaves=False)
         tried, impacts = 2 * tried + 1, impacts + int(others.indices["impacts"].sum())
         elsewhere = np.flatnonzero(~_intermittent(others) & (others.kind != MotionClass.UNDECIDED))
         if elsewhere.size:
@@ -262,31 +298,31 @@ def _first_after_rest(samples: Samples) -> int:
     return int(np.searchsorted(samples.impact_turns, ends[np.isfinite(ends)].min(initial=math.inf), side="right"))
 
 
-def _winds_on(runner: Runner, settled: Settled, winds: NDArray[np.bool_], window: ImpactWindow) -> bool:
+def _winds_on(settled: Settled, winds: NDArray[np.bool_], window: ImpactWindow) -> bool:
     """Return whether representatives of the motions that look quasi-periodic all do so in a longer window, too."""
     which = np.flatnonzero(winds)
     chosen = which[:: math.ceil(len(which) / REPRESENTATIVES)]
-    return bool((settle(runner, settled.osc, settled.cells[chosen], [window]).kind == MotionClass.QUASI_PERIODIC).all())
+    return bool((settle(settled.settling, settled.cells[chosen], [window]).kind == MotionClass.QUASI_PERIODIC).all())
 
 
-def outlook_of(runner: Runner, settled: Settled) -> MotionClass:
+def outlook_of(settled: Settled) -> MotionClass:
     """Return the outlook of representatives of all chaos after 1e5 impacts, or undecided if they differ."""
     groups = chaotic_groups(settled)
     number = sum(map(len, groups))
     if not number:
         return MotionClass.UNDECIDED  # stopped before any was
     chosen = np.concatenate([group[:: math.ceil(number / REPRESENTATIVES)] for group in groups])
-    return _common(settle(runner, settled.osc, settled.cells[chosen], [late(settled.osc)]))
+    return _common(settle(settled.settling, settled.cells[chosen], [settled.settling.late]))
 
 
-def outlook_from(runner: Runner, osc: Design, cells: Cells, windows: Sequence[ImpactWindow]) -> MotionClass:
+def outlook_from(settling: Settling, cells: Cells) -> MotionClass:
     """Return the outlook, in the last window, of cells that are chaotic in the first one, and of representatives."""
-    early = settle(runner, osc, cells, windows[:1]).kind == MotionClass.CHAOTIC
-    later = settle(runner, osc, cells[early], windows[-1:])
+    early = settle(settling, cells, settling.windows[:1]).kind == MotionClass.CHAOTIC
+    later = settle(settling, cells[early], settling.windows[-1:])
     common = _common(later)
-    if common == MotionClass.STICKING or not _irregular(later).all() or not last_round(runner, osc, windows):
+    if common == MotionClass.STICKING or not _irregular(later).all() or settling.whole == settling.windows:
         return common
-    lasting = outlook_of(runner, later)
+    lasting = outlook_of(later)
     return lasting if lasting in (common, MotionClass.STICKING) else MotionClass.UNDECIDED
 
 
@@ -346,36 +382,6 @@ def clusters(columns: Sequence[tuple[Floats, float]]) -> list[Counts]:
         label[order] = np.concatenate([[0], np.cumsum(steps)])
     order = np.argsort(label, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
-
-
-def attracting_kinds(osc: Design) -> NDArray[np.int8]:
-    """Return what a motion of each kind settles to.
-
-    The model adds to the rule of `classify`: without a force a mass comes to rest, unless it continues to swing,
-    undamped, just clear of the stop; all other motions that still hit are dying out, even if impacts return to within
-    1e-7 V.
-    """
-    forced, damped, touching = _loads(osc)
-    settles_to = np.arange(len(MotionClass), dtype=np.int8)
-    settles_to[[MotionClass.BUDGET, MotionClass.INTERRUPTED]] = MotionClass.UNDECIDED
-    settles_to[MotionClass.DECAYING] = MotionClass.AT_REST if damped or touching else MotionClass.NO_IMPACT
-    if not forced:
-        settles_to[MotionClass.STUCK_FOREVER] = MotionClass.AT_REST
-        settles_to[MotionClass.NO_IMPACT] = MotionClass.AT_REST if damped else MotionClass.NO_IMPACT
-        settles_to[[MotionClass.UNDECIDED, *_LASTING]] = settles_to[MotionClass.DECAYING]
-    return settles_to
-
-
-def _loads(osc: Design) -> tuple[bool, bool, bool]:
-    """Return whether a model is driven, whether all its free motion decays, and whether its rest is a contact;
-    a free centre is not counted.
-    """
-    form = osc.modal()
-    n, zero, felt = len(form.squares), np.zeros_like(form.damping), ~form.neutral.ravel()
-    flow = block_matrix(zero, np.eye(n), -np.diag(form.squares), -form.damping)[np.ix_(felt, felt)]
-    size = np.abs(flow).sum(axis=1).max()
-    decays = float(np.linalg.eigvals(flow).real.max()) < -n * ROUNDING * size
-    return driven(form), decays, rest_is_contact(form)
 
 
 def _plain(status: NDArray[np.int8], kind: NDArray[np.int8]) -> NDArray[np.int8]:

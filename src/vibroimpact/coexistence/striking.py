@@ -104,9 +104,10 @@ def alike(one: Any, other: Any, tolerance: float = SAME) -> bool:
     )
 
 
-def striking(runner: Runner, settled: Settled, longest: ImpactWindow) -> Iterator[tuple[int, SettledMotion, Counts]]:
+def striking(settled: Settled) -> Iterator[tuple[int, SettledMotion, Counts]]:
     """Yield for every motion that strikes stops: an initial condition that leads to it, the motion, and all that do."""
-    indices, forgets = settled.indices, settled.osc.forgets
+    runner, indices, forgets = settled.runner, settled.indices, settled.osc.forgets
+    longest = settled.settling.windows[-1]
     endless, sticks = indices["n_periods"] == 0, settled.kind == MotionClass.STICKING
     repeats = np.flatnonzero(~endless & ((settled.kind == MotionClass.PERIODIC) | (sticks & (not forgets))))
 
@@ -116,14 +117,13 @@ def striking(runner: Runner, settled: Settled, longest: ImpactWindow) -> Iterato
         samples = (one for part in parts for one in runner.samples(settled.cells[part], short))
         return np.array([chaos.visited(one.impact_phase, one.impact_velocity, one.impact_stop) for one in samples])
 
-    yield from _distinct(
-        settled, cycle_groups(settled, repeats), partial(follow, runner, settled), partial(_members, settled), alike
-    )
+    lead = (_whole_group, _whole_group) if forgets else (partial(_members, settled), visitors)
+    yield from _distinct(settled, cycle_groups(settled, repeats), partial(follow, settled), lead[0], alike)
     for at, motion, members in _distinct(
         settled,
         chaotic_groups(settled),
-        lambda at, _: sample(runner, settled, at, longest),
-        visitors,
+        lambda at, _: sample(settled, at, longest),
+        lead[1],
         lambda chaos, one: chaos.visited(one.phases, one.velocities, one.stops),
     ):
         exponent, loss = (float(indices[name][members].mean()) for name in ("lyapunov", "dissipation"))
@@ -131,7 +131,12 @@ def striking(runner: Runner, settled: Settled, longest: ImpactWindow) -> Iterato
     for members in map(np.flatnonzero, (settled.kind == MotionClass.QUASI_PERIODIC, sticks & (endless | forgets))):
         if members.size:
             at = int(members[0])
-            yield at, _sticking(runner, settled, at) if forgets else sample(runner, settled, at, longest), members
+            yield at, _sticking(settled, at) if forgets else sample(settled, at, longest), members
+
+
+def _whole_group(candidates: Counts, at: int, motion: SettledMotion) -> NDArray[np.bool_]:
+    """Return that all of a group of one mass lead to the motion of one of them."""
+    return np.ones(len(candidates), bool)
 
 
 def _distinct(
@@ -147,7 +152,7 @@ def _distinct(
         while remaining.size:
             at = int(remaining[settled.indices["impacts"][remaining].argmin()])  # the one that settled first
             motion = followed(at, [other for _, other, _ in distinct])
-            leading = (remaining == at) | (settled.osc.forgets or lead(remaining, at, motion))
+            leading = (remaining == at) | lead(remaining, at, motion)
             for _, other, members in distinct:
                 if same(other, motion):
                     members.append(remaining[leading])
@@ -182,7 +187,7 @@ def _members(settled: Settled, candidates: Counts, at: int, cycle: SettledMotion
     return members
 
 
-def follow(runner: Runner, settled: Settled, at: int, others: Sequence[SettledMotion] = ()) -> SettledMotion:
+def follow(settled: Settled, at: int, others: Sequence[SettledMotion] = ()) -> SettledMotion:
     """Return the cycle that an initial condition leads to, after as many further impacts as it took to close.
 
     A cycle that is none of the `others` and has few impacts is solved for, unless it rests or strikes several stops at
@@ -191,11 +196,11 @@ def follow(runner: Runner, settled: Settled, at: int, others: Sequence[SettledMo
     system: Any = settled.osc
     n, p, settling = (int(settled.indices[name][at]) for name in ("n_periods", "n_impacts", "impacts"))
     if system.forgets:  # what closed the cycle brought it within 1e-10 V; as many impacts again leave only rounding
-        samples = sampled(runner, settled, at, ImpactWindow(2 * settling, p))
-        return _from_hardest(settled, at, samples.impact_phase, samples.impact_velocity, n)
+        samples = sampled(settled, at, ImpactWindow(2 * settling, p))
+        return _of_one_mass(settled, at, samples.impact_phase, samples.impact_velocity, n)
     keep = 2 * max(p, 16) + 1
     while True:
-        samples = sampled(runner, settled, at, ImpactWindow(settling, keep))
+        samples = sampled(settled, at, ImpactWindow(settling, keep))
         turns, speeds = samples.impact_turns, samples.impact_velocity
         if turns[-1] - turns[0] > 2 * n - 1e-6 or len(turns) < keep:
             break
@@ -212,9 +217,9 @@ def follow(runner: Runner, settled: Settled, at: int, others: Sequence[SettledMo
         if alike(other, cycle, other.tolerance):
             return other
     plain = p > 0 and not len(samples.rest_stop) and not samples.impact_simultaneous.any()
-    orbit = settled_orbit(settled.search, n, samples, span) if plain and len(stops) <= SOLVED else None
+    orbit = settled_orbit(settled.settling.search, n, samples, span) if plain and len(stops) <= SOLVED else None
     if orbit is None:
-        first_hit = sampled(runner, settled, at, ImpactWindow(settling, first + 1))
+        first_hit = sampled(settled, at, ImpactWindow(settling, first + 1))
         return replace(cycle, start=first_hit.last_state(system.period))
     numbers = np.array([system.stop_names.index(stop) for stop in orbit.stops])
     start = _state_of(carried(system, orbit.start), orbit.start.time)
@@ -222,17 +227,20 @@ def follow(runner: Runner, settled: Settled, at: int, others: Sequence[SettledMo
     return SettledMotion(phases, speeds, numbers, start, orbit.lyapunov, loss, n, _by_derivative(orbit), orbit)
 
 
-def _from_hardest(settled: Settled, at: int, phases: Floats, speeds: Floats, n: int) -> SettledMotion:
-    """Return a cycle of one mass from impacts in the order of time."""
-    shift = -int(np.argmax(speeds))
-    return _of_one_mass(settled, at, np.roll(phases, shift), np.roll(speeds, shift), n)
-
-
 def _of_one_mass(settled: Settled, at: int, phases: Floats, speeds: Floats, n: int = 0) -> SettledMotion:
-    """Return a motion of one mass from its impacts, with a start at the first of them."""
-    exponent, loss = (float(settled.indices[name][at]) for name in ("lyapunov", "dissipation"))
+    """Return a motion of one mass from its impacts in the order of time, a cycle of n periods from its hardest."""
+    if n:
+        phases, speeds = (np.roll(column, -int(np.argmax(speeds))) for column in (phases, speeds))
     start = State(settled.osc.gap, float(speeds[0]), float(phases[0]) * settled.osc.period)
-    return SettledMotion(phases, speeds, np.zeros(len(speeds), np.int64), start, exponent, loss, n)
+    return _as_settled(settled, at, phases, speeds, np.zeros(len(speeds), np.int64), start, n)
+
+
+def _as_settled(
+    settled: Settled, at: int, phases: Floats, speeds: Floats, stops: Counts, start: State, n: int = 0
+) -> SettledMotion:
+    """Return a motion with the exponent and the loss of the initial condition that leads to it."""
+    exponent, loss = (float(settled.indices[name][at]) for name in ("lyapunov", "dissipation"))
+    return SettledMotion(phases, speeds, stops, start, exponent, loss, n)
 
 
 def most_like(runner: Runner, osc: Design, state: State, others: Sequence[State]) -> int:
@@ -249,55 +257,54 @@ def most_like(runner: Runner, osc: Design, state: State, others: Sequence[State]
     return max(range(len(theirs)), key=shared)
 
 
-def sample(runner: Runner, settled: Settled, at: int, window: ImpactWindow) -> SettledMotion:
+def sample(settled: Settled, at: int, window: ImpactWindow) -> SettledMotion:
     """Return a sample of a motion that does not repeat."""
-    samples = sampled(runner, settled, at, window)
+    samples = sampled(settled, at, window)
     if len(samples.impact_phase) < window.keep:  # it ended later on, but not within its own window
-        samples = sampled(runner, settled, at, ImpactWindow(0, int(settled.indices["impacts"][at]) // 2))
+        samples = sampled(settled, at, ImpactWindow(0, int(settled.indices["impacts"][at]) // 2))
     phases, speeds = samples.impact_phase, samples.impact_velocity
     if settled.osc.forgets:
         return _of_one_mass(settled, at, phases, speeds)
-    exponent, loss = (float(settled.indices[name][at]) for name in ("lyapunov", "dissipation"))
-    return SettledMotion(phases, speeds, samples.impact_stop, samples.last_state(settled.osc.period), exponent, loss)
+    return _as_settled(settled, at, phases, speeds, samples.impact_stop, samples.last_state(settled.osc.period))
 
 
-def _sticking(runner: Runner, settled: Settled, at: int) -> SettledMotion:
+def _sticking(settled: Settled, at: int) -> SettledMotion:
     """Return the motion of one mass that rests at its stop: every release is the same state, sin = k g / f falling."""
     osc, n = settled.osc, settled[at].n_periods
-    motion = _turn(runner, settled, at, n) if n else _turns(runner, settled, at)
-    return replace(motion, start=State(osc.gap, 0.0, release_phase(*osc.cells({})) * osc.period), exponent=-math.inf)
+    motion = _turn(settled, at, n) if n else _turns(settled, at)
+    return replace(motion, start=State(osc.gap, 0.0, release_phase(osc) * osc.period), exponent=-math.inf)
 
 
-def _turn(runner: Runner, settled: Settled, at: int, n: int) -> SettledMotion:
+def _turn(settled: Settled, at: int, n: int) -> SettledMotion:
     """Return a cycle of n periods that rests."""
-    (samples,) = runner.samples(AT_REST.cell(settled.osc), StroboscopicWindow(0, n + 2))
+    (samples,) = settled.runner.samples(AT_REST.cell(settled.osc), StroboscopicWindow(0, n + 2))
     release = samples.rest_end[0].sum()
     time = samples.impact_turns
     turn = (time > release) & (time < release + n)
-    return _from_hardest(settled, at, samples.impact_phase[turn], samples.impact_velocity[turn], n)
+    return _of_one_mass(settled, at, samples.impact_phase[turn], samples.impact_velocity[turn], n)
 
 
-def _turns(runner: Runner, settled: Settled, at: int) -> SettledMotion:
+def _turns(settled: Settled, at: int) -> SettledMotion:
     """Return the impacts of intermittent sticking from perturbed releases to the next rest.
 
     From the exact release, rounding would determine the impacts.
     """
     osc, phases, velocities, periods = settled.osc, [], [], 0.0
-    for samples in runner.samples(released(osc.cells({})), ImpactWindow(0, WANDERING)):
+    for samples in settled.runner.samples(released(osc), ImpactWindow(0, WANDERING)):
         time = samples.impact_turns
         releases = samples.rest_end[:1].sum(axis=1)
         end = releases[0] if np.isfinite(releases).any() else time[-1]
         phases.append(samples.impact_phase[time <= end])
         velocities.append(samples.impact_velocity[time <= end])
-        periods += float(end) - release_phase(*osc.cells({}))
+        periods += float(end) - release_phase(osc)
     speeds = np.concatenate(velocities)
     loss = energy_loss(osc.mass, osc.restitution) * float((speeds**2).sum()) / periods
     return replace(_of_one_mass(settled, at, np.concatenate(phases), speeds), loss=loss)
 
 
-def sampled(runner: Runner, settled: Settled, at: int, window: ImpactWindow | StroboscopicWindow) -> Samples:
+def sampled(settled: Settled, at: int, window: ImpactWindow | StroboscopicWindow) -> Samples:
     """Return the samples, in a window, of the motion that initial condition number `at` settles to."""
-    return runner.samples(settled.cells[at : at + 1], window)[0]
+    return settled.runner.samples(settled.cells[at : at + 1], window)[0]
 
 
 def _state_of(cell: Any, time: float) -> State:

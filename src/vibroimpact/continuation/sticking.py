@@ -51,8 +51,8 @@ class CurvePoint:
         if self.stick and self.stick.periods == self.n_periods:
             return sticking_orbit(self.model, self.stick, Tolerances().chatter)
         osc = self.model.at()
-        release = State(osc.gap, 0.0, release_phase(*osc.cells({})) * osc.period)
-        return Orbit(osc, self.n_periods, -1, (), (), (0j, 0j), family=family_of(self.model), start=release)
+        release = State(osc.gap, 0.0, release_phase(osc) * osc.period)
+        return Orbit(osc, self.n_periods, -1, (), (), (0j, 0j), family=family_of(self.model, osc), start=release)
 
     @property
     def residual(self) -> float:

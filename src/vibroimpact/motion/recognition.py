@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -77,14 +78,34 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
     """
     _check(section, tolerance, longest)
     model: Any = model_of(section)
-    status = Status(int(section["status"]))
-    examine = _by_impacts if model.forgets else _by_states
-    evidence = examine(section, model, tolerance=tolerance, longest=longest)
+    status, limits = Status(int(section["status"])), {"tolerance": tolerance, "longest": longest}
+    time, phase, velocity, releases = (section[name].values for name in ("time", "phase", "velocity", "release_time"))
+    if model.forgets:
+        return motion_of_impacts(model, status, (time, phase, velocity), releases, limits)
+    return _named(status, _by_states(section, model, **limits), phase, velocity)
+
+
+def motion_of_impacts(
+    osc: ImpactOscillator,
+    status: Status,
+    impacts: tuple[Floats, Floats, Floats],
+    releases: Floats,
+    limits: Mapping[str, Any] = MappingProxyType({}),
+) -> Motion:
+    """Return the motion of one mass as `recognise` does: from times in s, phases and velocities of settled impacts.
+
+    `releases` are the times in s at which it leaves the stop, and `limits` those of `recurrence`.
+    """
+    return _named(status, _by_impacts(osc, status, impacts, releases, **limits), *impacts[1:])
+
+
+def _named(status: Status, evidence: _Evidence, phase: Floats, velocity: Floats) -> Motion:
+    """Return the motion that the evidence shows."""
     kind = MotionClass(int(decide(status, evidence.growth, evidence.n, evidence.p, evidence.sampled)))
     if kind not in (MotionClass.PERIODIC, MotionClass.STICKING):
         return Motion(kind.word, status=status)
-    velocity, phase = (section[name].values[evidence.cycle] for name in ("velocity", "phase"))
-    return Motion(kind.word, evidence.n, evidence.p, *_from_hardest(velocity, phase), status)
+    hardest_first = _from_hardest(velocity[evidence.cycle], phase[evidence.cycle])
+    return Motion(kind.word, evidence.n, evidence.p, *hardest_first, status)
 
 
 class _Evidence(NamedTuple):
@@ -101,11 +122,11 @@ class _Evidence(NamedTuple):
     sampled: int = 0
 
 
-def _by_impacts(section: xr.Dataset, osc: ImpactOscillator, **limits: Any) -> _Evidence:
+def _by_impacts(
+    osc: ImpactOscillator, status: Status, impacts: tuple[Floats, Floats, Floats], releases: Floats, **limits: Any
+) -> _Evidence:
     """Return the numbers that name a motion from its impacts, which are its whole state."""
-    status = Status(int(section["status"]))
-    time, phase, velocity = (np.asarray(section[name], dtype=np.float64) for name in ("time", "phase", "velocity"))
-    releases = np.asarray(section["release_time"], dtype=np.float64)
+    time, phase, velocity = impacts
     releases = np.sort(releases[np.isfinite(releases)])
     n, p, growth, cycle = 0, 0, -math.inf, np.zeros(len(time), dtype=bool)
     if len(releases) >= 2:

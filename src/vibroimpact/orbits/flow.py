@@ -23,6 +23,7 @@ round the terms of the others, and the exponent is as large as the fastest rate,
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -84,6 +85,11 @@ class Flow:
         self._phases: dict[Pushing, Phase] = {}
         self.stages: dict[Pushing, Any] = {}  # of the motion, by the stops that push: see `sampling`
         self._flights: dict[tuple[float, Pushing], tuple[Floats, Floats]] = {}
+
+    @cached_property
+    def unforced(self) -> bool:
+        """Whether the load and all stops are constant over a driving period."""
+        return not (self.push[:, 1:].any() or self.bounds[:, 1:].any())
 
     def drive(self, angle: float | Floats) -> Floats:
         """Return z at a driving angle, or one row per angle."""

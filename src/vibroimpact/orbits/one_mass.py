@@ -198,7 +198,7 @@ def make_orbit(model: Model, cycle: Cycle, z: Floats) -> Orbit:
         multipliers=cycle.multipliers(parameters_of(osc), z),
         admissible=not message,
         message=message,
-        family=family_of(model),
+        family=family_of(model, osc),
         turns=tuple(z[:p].tolist()),
     )
 

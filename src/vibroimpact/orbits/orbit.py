@@ -352,9 +352,9 @@ class Orbit(Shown):
             raise ValueError(f"the {self.name} orbit rests at a stop; its events do not determine its motion")
 
 
-def family_of(model: Model) -> Model | None:
-    """Return the model if it is a family, else None, for the attribute `family` of an `Orbit`."""
-    return None if model is model.at() else model
+def family_of(model: Model, design: Any) -> Model | None:
+    """Return a model of that design if it is a family, else None, for the attribute `family` of an `Orbit`."""
+    return None if model is design else model
 
 
 def value_of(model: Model, name: str) -> float:

@@ -192,7 +192,8 @@ def find_orbit(
     typed = truth("symmetric", symmetric) or any(given is not None for given in (n_periods, n_impacts, stops))
     if not (guess.none or typed):
         if guess.orbit is not None:
-            return _of_its_type(osc, guess)
+            with reporter(None, "orbits"):
+                return _of_its_type(search, guess)
         if (state := search.state_of(guess)) is not None:
             with reporter(None, "orbits"):
                 return orbit_near(search, state)
@@ -209,13 +210,13 @@ def find_orbit(
         return search.of_type(n, p, struck, guess, symmetric=symmetric)
 
 
-def _of_its_type(model: Model, guess: Guess) -> Orbits:
+def _of_its_type(search: Search, guess: Guess) -> Orbits:
     """Return the orbits of the type of a given one; the nearest only, if it was given as an attractor."""
     orbit, attractor = guess.orbit, guess.orbit is not guess.near
-    if attractor and orbit.oscillator == model.at():
-        return ordered([replace(orbit, family=family_of(model))])
+    if attractor and orbit.oscillator == search.design:
+        return ordered([replace(orbit, family=family_of(search.model, search.design))])
     n_impacts = -1 if guess.sticks else orbit.n_impacts
-    found = find_orbit(model, n_periods=orbit.n_periods, n_impacts=n_impacts, near=orbit)
+    found = search.of_type(orbit.n_periods, n_impacts, None, Guess.of(orbit), symmetric=False)
     return ordered(sorted(found, key=partial(orbit_distance, orbit))[:1]) if attractor and found else found
 
 

@@ -189,6 +189,6 @@ def sticking_orbit(model: Model, stick: Stick, chatter: float) -> Orbit:
         stick_phase=stick.stick_phase,
         release_phase=stick.release_phase,
         stuck_time=stick.fraction * osc.period,
-        family=family_of(model),
+        family=family_of(model, osc),
         turns=tuple((listed[:, 0] + listed[:, 1]).tolist()),
     )

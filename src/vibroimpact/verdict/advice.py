@@ -20,9 +20,10 @@ from vibroimpact.cells import Floats
 from vibroimpact.coexistence.final import LATE, irregular, rests
 from vibroimpact.coexistence.measuring import EQUAL, Measured, Runner, carried, orbit_cells, spread_cells
 from vibroimpact.motion import MotionClass
+from vibroimpact.orbits.search import search_of
 from vibroimpact.verdict.brackets import ANY, CANDIDATES, ENDS, Bracket, Line, rounded
 from vibroimpact.verdict.branches import Branches, present_orbits
-from vibroimpact.verdict.present import Coexisting, Present, measure
+from vibroimpact.verdict.present import Coexisting, Present
 from vibroimpact.verdict.ranges import PLACES, Range
 
 FINER, HALVINGS = 2, 6  # times that steps near the present value are halved; of the step in which the benefit begins
@@ -150,7 +151,7 @@ class Trials:
         remaining = list(range(len(designs)))
         for initial in (self._at_rest_and_present, _scouts):
             cells = [initial(at_rest[at : at + 1]) for at in remaining]
-            measured = iter(measure(self.runner, Cells.join(cells), SCAN) if cells else ())
+            measured = iter(self.runner.glance(Cells.join(cells), SCAN) if cells else ())
             for at, part in zip(remaining, cells, strict=True):
                 motions[at] += [next(measured) for _ in range(len(part))]
                 benefit = self.target.benefit(motions[at], watched=False)
@@ -167,7 +168,7 @@ class Trials:
         tried: list[Cells] = []
         for cells in self._initial_conditions(varied, value):
             tried.append(cells)
-            motions += measure(self.runner, cells, TEST)
+            motions += self.runner.glance(cells, TEST)
             if not self.target.benefit(motions, watched=False):
                 return motions
         return self._without_transients(Cells.join(tried), motions)
@@ -178,9 +179,9 @@ class Trials:
         if not open_ended:
             return motions
         hardest = max(open_ended, key=lambda at: hit(motions[at]))
-        (late,) = measure(self.runner, cells[hardest : hardest + 1], LATE)
+        (late,) = self.runner.glance(cells[hardest : hardest + 1], LATE)
         if not irregular(late):
-            for at, motion in zip(open_ended, measure(self.runner, cells[np.array(open_ended)], LATE), strict=True):
+            for at, motion in zip(open_ended, self.runner.glance(cells[np.array(open_ended)], LATE), strict=True):
                 motions[at] = motion
         return motions
 
@@ -198,7 +199,7 @@ class Trials:
         yield cells[first]
         if on_branches := [carried(design, orbit.start) for orbit in self.branches.at(self.orbits, varied, value)]:
             yield Cells.join(on_branches)
-        if of_one_impact := orbit_cells(design):
+        if of_one_impact := orbit_cells(search_of(design)):
             yield Cells.join(of_one_impact)
         yield from (cells[part] for part in others)
 

@@ -26,7 +26,7 @@ from vibroimpact.verdict.branches import Branches, LazyBranch
 from vibroimpact.verdict.carried import SECTIONS, UNSURE, Track, carry
 from vibroimpact.verdict.edges import Edge, Side
 from vibroimpact.verdict.onsets import onset_from_rest, onset_from_some
-from vibroimpact.verdict.present import Coexisting, Present, measure
+from vibroimpact.verdict.present import Coexisting, Present
 from vibroimpact.verdict.ranges import CROWDED, Range
 from vibroimpact.verdict.searches import Search, together
 
@@ -43,9 +43,9 @@ def nearest_boundaries(
     runner: Runner,
     branches: Branches,
     coexisting: Sequence[Coexisting] = (),
-    done: Callable[[], bool] = lambda: True,
+    going: Callable[[], None] = lambda: None,
 ) -> tuple[Edge, ...]:
-    """Return the nearest boundaries of a motion below and above each parameter; `done` is called for each, False stops.
+    """Return the nearest boundaries of a motion below and above each parameter; `going` is called for each.
 
     If motions that hit coexist with one that does not, some initial conditions already settle to impacts at the present
     value. If the state is more than an impact, only bifurcations are sought, and not the motions beyond them.
@@ -54,8 +54,7 @@ def nearest_boundaries(
     for varied in ranges:
         sides = Side(varied, -1), Side(varied, 1)
         solved += [(side, _exact(present, side, branches)) for side in sides]
-        if not done():
-            return ()
+        going()
     if not present.oscillator.forgets:  # no motion can be carried along by its impacts
         return tuple((exact or replace(side, reached=math.nan)).edge() for side, exact in solved)
     bisected = iter(_bisected(present, [side for side, exact in solved if exact is None], runner))
@@ -88,8 +87,8 @@ def _with_beyond(sides: Sequence[Side], group: tuple[str, int, int], runner: Run
     """Return the boundaries as callers receive them, with the motion a little beyond each, or else just beyond it."""
     values = [side.beyond_at() for side in sides]
     beyond = [i for i, value in enumerate(values) if not math.isnan(value)]
-    designs = [sides[i].range.changed(values[i]) for i in beyond]
-    motions = measure(runner, cells_of(designs, [sides[i].start for i in beyond]), ACROSS) if beyond else []
+    designs = [sides[i].range.at(values[i]) for i in beyond]
+    motions = runner.glance(cells_of(designs, [sides[i].start for i in beyond]), ACROSS) if beyond else []
     edges = [
         side.edge(side.beyond, value if math.isnan(side.outside) else side.outside)
         for side, value in zip(sides, values, strict=True)

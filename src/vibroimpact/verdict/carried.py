@@ -86,7 +86,7 @@ class Track:
 
     def cells(self, states: Sequence[tuple[float, Start | None]]) -> Cells:
         """Return the cells with given states as initial conditions, one per place."""
-        designs = [self.range.changed(self.at(place)) for place, _ in states]
+        designs = [self.range.at(self.at(place)) for place, _ in states]
         return cells_of(designs, [start for _, start in states])
 
     def may_be_same(self, motion: Measured) -> bool:

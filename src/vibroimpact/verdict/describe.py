@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from itertools import count
 from typing import Any
@@ -20,8 +20,8 @@ from vibroimpact.verdict.advice import Advice, advise
 from vibroimpact.verdict.boundaries import nearest_boundaries
 from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.edges import Edge
-from vibroimpact.verdict.present import Coexisting, Present, coexisting_motions, present_motion, step_limit
-from vibroimpact.verdict.ranges import Range, check_parameters, check_within, range_of
+from vibroimpact.verdict.present import Coexisting, coexisting_motions, present_motion, step_limit
+from vibroimpact.verdict.ranges import check_parameters, check_within, range_of
 from vibroimpact.verdict.text import verdict_facts, verdict_lines
 
 BESIDE = 3  # parts of the work besides one per parameter
@@ -249,16 +249,23 @@ def describe(
     with reporter(progress, "parts") as report:
         done = count(1)
 
-        def going() -> bool:
-            return report(next(done), parts, None) is not False
+        def going() -> None:
+            if report(next(done), parts, None) is False:
+                raise SpentError
 
-        present = present_motion(osc, runner)
+        present, branches = present_motion(osc, runner), Branches()
         surroundings: dict[str, Any] = {}
-        runner.most = runner.steps + step_limit(present.oscillator)
+        runner.most, complete = runner.steps + step_limit(present.oscillator), False
         try:
-            complete = _look_around(present, ranges, runner, going, surroundings)
+            going()
+            surroundings["attractors"] = motions = coexisting_motions(present, runner)
+            going()
+            surroundings["boundaries"] = nearest_boundaries(present, ranges, runner, branches, motions, going)
+            surroundings["advice"] = advise(present, motions, ranges, runner, branches)
+            complete = True
+            going()
         except SpentError:
-            complete = False
+            pass  # the verdict holds what was found by then
     return Verdict(
         model=osc,
         oscillator=present.oscillator,
@@ -279,21 +286,3 @@ def describe(
         units=shown,
         **surroundings,
     )
-
-
-def _look_around(
-    present: Present, ranges: Sequence[Range], runner: Runner, going: Callable[[], bool], fields: dict[str, Any]
-) -> bool:
-    """Fill the fields of a verdict other than the motion, while `going()` is true; return whether all are complete."""
-    if not going():
-        return False
-    fields["attractors"] = coexisting_motions(present, runner)
-    if not going():
-        return False
-    branches = Branches()
-    fields["boundaries"] = nearest_boundaries(present, ranges, runner, branches, fields["attractors"], going)
-    if len(fields["boundaries"]) < 2 * len(ranges):
-        return False
-    fields["advice"] = advise(present, fields["attractors"], ranges, runner, branches)
-    going()
-    return True

@@ -114,7 +114,7 @@ def _first_hitting(
 ) -> Search[tuple[int, Start | None] | None]:
     """Return the first place on a path at which a motion hits, and a state of one that lasts; None if there is none."""
     for first in range(0, len(path), BATCH):
-        parts = [initial(side.range.changed(value)) for value in path[first : first + BATCH]]
+        parts = [initial(side.range.at(value)) for value in path[first : first + BATCH]]
         hit = yield Query(_hitting, Cells.join(parts), lasting)
         of_parts = np.split(np.array(hit), np.cumsum([len(part) for part in parts])[:-1])
         hitting = [

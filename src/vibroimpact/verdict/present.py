@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from vibroimpact.backends import Cells, ImpactWindow
+from vibroimpact.backends import ImpactWindow, Samples
 from vibroimpact.coexistence import Attractor
 from vibroimpact.coexistence.attractor import distinct_names
-from vibroimpact.coexistence.final import Final, final_motion, thrifty
+from vibroimpact.coexistence.final import Final, final_motion
+from vibroimpact.coexistence.losses import attracting_kinds
 from vibroimpact.coexistence.measuring import (
     HARDLY_EVER,
     PAPER,
@@ -20,17 +21,15 @@ from vibroimpact.coexistence.measuring import (
     last_of,
 )
 from vibroimpact.coexistence.search import attractors_by, from_rest
-from vibroimpact.coexistence.settling import attracting_kinds
 from vibroimpact.coexistence.striking import alike, most_like
-from vibroimpact.dataset import provenance
 from vibroimpact.indices import with_missing
-from vibroimpact.labels import labelled_impacts
 from vibroimpact.model import Model, State
 from vibroimpact.motion import Motion, MotionClass
-from vibroimpact.motion.recognition import recognise
-from vibroimpact.orbits import find_orbit, same_orbit
-from vibroimpact.orbits.orbit import family_of
+from vibroimpact.motion.recognition import motion_of_impacts
+from vibroimpact.orbits import Orbit, same_orbit
+from vibroimpact.orbits.results import NOTHING, Search
 from vibroimpact.orbits.search import ALIKE, search_of, settled_orbit
+from vibroimpact.status import Status
 
 STEP_LIMIT = 1 << 29  # certified steps of one mass around a motion: five times those of the dearest of usual designs
 SETTLED, SHOWN = 1000, 400  # impacts left out before a cycle is recognised, and those it is recognised from
@@ -40,11 +39,6 @@ MOST_IMPACTS = 16  # in a cycle that is still solved for
 def step_limit(osc: Any) -> int:
     """Return the number of certified steps that a verdict may take."""
     return STEP_LIMIT // int(osc.step_cost)
-
-
-def measure(runner: Runner, cells: Cells, window: ImpactWindow) -> list[Measured]:
-    """Return the motions of changed designs."""
-    return runner.measure(cells, window, thrifty(runner))
 
 
 @dataclass(frozen=True)
@@ -99,27 +93,23 @@ def _by_impacts(model: Model, runner: Runner) -> Present:
     One run measures and samples it; if it has not repeated by then, a longer run follows. Boundaries and advice are
     followed from the first impact of the sample of a cycle, or from the end of any other sample.
     """
-    osc = model.at()
-    final = final_motion(runner, osc.cells({}), ImpactWindow(SETTLED, SHOWN))
+    search = search_of(model)
+    osc = search.design
+    final = final_motion(runner, osc, ImpactWindow(SETTLED, SHOWN))
     measured, samples = final.measured, final.samples
     settled = MotionClass(attracting_kinds(osc)[measured.motion_class])
     kind = settled.word if settled in QUIET else measured.kind  # unforced, a mass is at rest
     motion = Motion(kind, measured.n_periods, measured.n_impacts, status=measured.status)
-    orbit, start = None, last_of(samples)
-    if measured.motion_class == MotionClass.STICKING:
-        orbit = next(iter(find_orbit(model, n_periods=measured.n_periods or 1, n_impacts=-1)), None)
+    orbit, start = _solved(search, measured, samples), last_of(samples)
     if measured.motion_class.hits and measured.n_periods:
-        if measured.motion_class != MotionClass.STICKING:
-            p = measured.n_impacts
-            if p <= min(MOST_IMPACTS, len(samples.impact_phase)):
-                orbit = settled_orbit(search_of(model), measured.n_periods, samples, slice(-p, None))
         if orbit is not None and not orbit.sticks:
             motion = replace(motion, velocities=orbit.velocities, phases=orbit.phases)
             cycle = indices_of_cycle(orbit.n_periods, orbit.velocities, orbit.phases)
             final = replace(final, measured=replace(measured, indices=measured.indices | cycle))
         else:
-            section = labelled_impacts(samples, osc, provenance("impact_section", osc, {}))
-            recognised = recognise(section)
+            time, release = samples.impact_turns * osc.period, samples.rest_end.sum(axis=1) * osc.period
+            impacts = time, samples.impact_phase, samples.impact_velocity
+            recognised = motion_of_impacts(osc, Status(samples.status), impacts, release)
             motion = recognised if recognised.kind == motion.kind else motion
         pairs = zip(samples.impact_velocity.tolist(), samples.impact_phase.tolist(), strict=True)
         start = next((Start(0.0, -osc.restitution * velocity, phase) for velocity, phase in pairs), None)
@@ -129,17 +119,25 @@ def _by_impacts(model: Model, runner: Runner) -> Present:
     return Present(model, osc, final, motion, orbit, state, start)
 
 
+def _solved(search: Search, measured: Measured, samples: Samples) -> Orbit | None:
+    """Return the orbit of a motion of one mass: a sticking one, or one of few impacts; None for others."""
+    n, p = measured.n_periods, measured.n_impacts
+    if measured.motion_class == MotionClass.STICKING:
+        return next(iter(search.of_type(n or 1, -1, None, NOTHING, symmetric=False)), None)
+    few = measured.motion_class.hits and n and p <= min(MOST_IMPACTS, len(samples.impact_phase))
+    return settled_orbit(search, n, samples, slice(-p, None)) if few else None
+
+
 def _by_states(model: Model, runner: Runner) -> Present:
     """Return the motion from rest by whole states, followed for 32,767 impacts if it does not repeat."""
     system = model.at()
-    attractor, measured = from_rest(runner, system)
+    attractor, measured = from_rest(runner, model)
     (first,) = runner.measure(system.cells({})) if measured.impacts > PAPER.transient + PAPER.keep else [measured]
     final = Final(measured, None, measured.impacts, first if first.name != measured.name else None)
     if attractor is None:
         motion = Motion(measured.kind, status=measured.status)
         return Present(model, system, final, motion, None, system.rest)
-    orbit = attractor.known_orbit and replace(attractor.known_orbit, family=family_of(model))
-    return Present(model, system, final, attractor.motion, orbit, attractor.start, attractor=attractor)
+    return Present(model, system, final, attractor.motion, attractor.known_orbit, attractor.start, attractor=attractor)
 
 
 @dataclass(frozen=True)
@@ -200,10 +198,8 @@ class Coexisting:
 
 def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ...]:
     """Return the motions that `attractors` finds; the motion from rest is first, with share 0 if it is none of them."""
-    attractors = attractors_by(runner, present.oscillator)
-    names = distinct_names(attractors)
-    found = (replace(attractor, model=present.model) for attractor in attractors)
-    motions = [_coexisting(attractor, name) for attractor, name in zip(found, names, strict=True)]
+    attractors = attractors_by(runner, present.model)
+    motions = [_coexisting(*pair) for pair in zip(attractors, distinct_names(attractors), strict=True)]
     possible = [i for i, attractor in enumerate(attractors) if _is_present(attractor, present)]
     if len(possible) > 1:  # several chaotic motions, also mirror images
         others = [attractors[at].start for at in possible]

@@ -41,10 +41,6 @@ class Range:
         force = design is self.model and self.name == "amplitude" and self.value > 0.0
         return force and not any(stop.gap for stop in design.stops)
 
-    def changed(self, value: float) -> Model:
-        """Return the model with another value of the parameter."""
-        return self.model.replace(**{self.name: value})
-
     def at(self, value: float) -> Any:
         """Return the oscillator or system of the model at another value."""
         return self.model.at(**{self.name: value})

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple, TypeVar
 
 from vibroimpact.backends import Cells, ImpactWindow
 from vibroimpact.coexistence.measuring import Runner
-from vibroimpact.verdict.present import measure
 
 Result = TypeVar("Result")
 
@@ -29,7 +28,7 @@ Search = Generator[Query, Any, Result]
 
 def measured(cells: Cells, window: ImpactWindow) -> Query:
     """Request the motion of each cell over a window."""
-    return Query(measure, cells, window)
+    return Query(Runner.glance, cells, window)
 
 
 def followed(cells: Cells, impacts: int) -> Query:

@@ -21,7 +21,7 @@ GLANCES = 64  # places in each leg at which most inadmissible orbits are far bey
 FAR = 1e-6  # of its size: a deeper penetration is no rounding, and no solution's error
 
 
-def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
+def objection(cycle: Cycle, unknown: Floats) -> str:
     """Return the reason why the system cannot move along this orbit; empty if it can.
 
     Each leg is sampled every 0.15 rad of the fastest rate that has not decayed. Power series give every minimum between
@@ -29,7 +29,7 @@ def objection(cycle: Cycle, unknown: Floats, names: tuple[str, ...]) -> str:
     count as penetration. At the beginning and end of a leg, the value for the stop of that event is taken as 0, as the
     equations require.
     """
-    flow, states = cycle.flow, cycle.states(unknown)
+    flow, names, states = cycle.flow, cycle.flow.names, cycle.states(unknown)
     speeds, angles, size = cycle.speeds(unknown), cycle.angles(unknown), np.abs(states).max()
     for i, (event, speed) in enumerate(zip(cycle.events, speeds, strict=True)):
         name, number = names[event.stop], sum(at <= i for at in cycle.impacts)

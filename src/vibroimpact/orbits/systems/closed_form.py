@@ -91,7 +91,7 @@ def _under_law(cycle: Cycle, ratios: list[float], angles: Floats, rises: bool) -
 def _at_ratio(cycle: Cycle, r: float) -> tuple[list[Floats], str]:
     """Return the unknowns at one restitution."""
     flow, ((stop, _),) = cycle.flow, cycle.events
-    if unforced(cycle) and r < 1.0:
+    if flow.unforced and r < 1.0:
         return [], nowhere(cycle)
     matrix, sides = _equations(cycle, stop, r)
     left, sizes, right = np.linalg.svd(matrix)
@@ -100,7 +100,7 @@ def _at_ratio(cycle: Cycle, r: float) -> tuple[list[Floats], str]:
     size = cycle.length * float(np.linalg.norm(flow.phase().load)) + float(np.linalg.norm(flow.bounds[stop]))
     nulls, negligible = left[:, rank:].T @ sides, VANISHED * size
     if rank < matrix.shape[1]:
-        if unforced(cycle) and flow.damping.any():
+        if flow.unforced and flow.damping.any():
             return [], nowhere(cycle)
         driven = np.linalg.svd(nulls, compute_uv=False)[1:] > negligible  # two conditions on the phase
         return [], not_isolated(cycle, right[rank], bool(driven.any()))
@@ -221,11 +221,6 @@ def _at_any_phase(cycle: Cycle, hits: bool) -> str:
 
 def nowhere(cycle: Cycle) -> str:
     """Return the default reason why there are no orbits."""
-    if unforced(cycle):
+    if cycle.flow.unforced:
         return UNFORCED
     return f"no velocity > 0 returns to itself after {_what(cycle)}"
-
-
-def unforced(cycle: Cycle) -> bool:
-    """Return whether the load and all stops are constant over a driving period."""
-    return not (cycle.flow.push[:, 1:].any() or cycle.flow.bounds[:, 1:].any())

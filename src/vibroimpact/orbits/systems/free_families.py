@@ -154,7 +154,7 @@ def ended(last: Member, beyond: Member | None) -> tuple[str, str]:
                 f"its orbits nearly repeat {times} times per cycle and come too close to others to be followed",
             )
     if beyond is not None:
-        return "grazing", f"no orbit was found beyond a graze: {objection(beyond.at, beyond.unknown, names)}"
+        return "grazing", f"no orbit was found beyond a graze: {objection(beyond.at, beyond.unknown)}"
     return "lost", "Newton's method does not converge to the next orbit"
 
 

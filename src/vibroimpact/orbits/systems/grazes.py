@@ -138,7 +138,7 @@ def retraced(cycle: FreeCycle, z: Floats) -> tuple[FreeCycle, Floats] | None:
 def followed(one: Member) -> bool:
     """Whether the system can follow a solution."""
     cycle, unknown = one.at, one.unknown
-    return cycle.in_order(unknown) and not objection(cycle, unknown, cycle.flow.names)
+    return cycle.in_order(unknown) and not objection(cycle, unknown)
 
 
 def alike(one: Member, other: Member) -> bool:

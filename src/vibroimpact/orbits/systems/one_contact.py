@@ -29,7 +29,7 @@ from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.events import Pushing
 from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.systems.admissibility import courses
-from vibroimpact.orbits.systems.closed_form import EPS, VANISHED, not_isolated, nowhere, unforced
+from vibroimpact.orbits.systems.closed_form import EPS, VANISHED, not_isolated, nowhere
 from vibroimpact.orbits.systems.common_zeros import NODES, common_zeros
 from vibroimpact.parameters import counted
 
@@ -73,7 +73,7 @@ def one_contact(cycle: Cycle) -> tuple[list[tuple[Cycle, Floats]], str]:
 def _not_isolated(cycle: Cycle) -> str:
     """Return the reason why there are no isolated orbits at any duration of contact; empty if there may be some."""
     flow, n = cycle.flow, 2 * cycle.flow.n
-    if unforced(cycle):
+    if flow.unforced:
         lossless = not (flow.damping.any() or flow.viscosity.any())
         free = "unforced and without loss: each orbit is one of a continuum; give its `energy`"
         return free if lossless else nowhere(cycle)

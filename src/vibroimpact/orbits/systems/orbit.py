@@ -36,7 +36,7 @@ def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> Orbit:
     """Return the orbit of a solution of a cycle's equations, for a system or the family that makes it."""
     system: ImpactSystem = model.at()
     flow, p, names = cycle.flow, len(cycle.events), system.stop_names
-    message = objection(cycle, unknown, names)
+    message = objection(cycle, unknown)
     halves: tuple[complex, ...] = ()
     speeds = cycle.speeds(unknown)
     speeds[np.abs(speeds) <= ROUNDING * np.abs(unknown[p:]).max()] = 0.0
@@ -63,7 +63,7 @@ def make_orbit(model: Model, cycle: Cycle, unknown: Floats) -> Orbit:
         half_multipliers=halves,
         admissible=not message,
         message=message,
-        family=family_of(model),
+        family=family_of(model, system),
         events=tuple((turn, kind, names[stop]) for turn, (stop, kind) in zip(turns, cycle.events, strict=True)),
         pushing=tuple(names[stop] for stop in cycle.pushing),
         contacts=contacts_of(cycle, unknown, speeds),

@@ -122,21 +122,20 @@ class SystemSearch(Search):
         self, n_periods: int, stops: tuple[int, ...] | None = None, guess: Guess = NOTHING, *, symmetric: bool = False
     ) -> Orbits:
         """Return the orbits that strike given stops in order; without these, one stop each, or those of the guess."""
-        images, why = self.mirror
-        if symmetric and why:
+        images, why = self.mirror if symmetric else ((), "")
+        if why:
             return Orbits(outcome="none", message=why)
         if stops is None and guess.stops:
             struck = guess.stops[: len(guess.stops) // (2 if symmetric else 1)]
             stops = numbers_of(struck, self.design.stop_names)
-        singles = [(at,) for at in range(len(self.design.stops)) if not symmetric or at < images[at]]
+        singles = [(at,) for at in range(len(self.design.stops)) if not images or at < images[at]]
         sequences = singles if stops is None else [stops]
         if not sequences:
             raise invalid("stops", None, f"1 to {IMPACTS} stops to strike", "the system has none")
-        mirrored = images if symmetric else ()
         needs_no_guess = guess.none or not (guess.only_state or self.flow.compliant[sequences[0][0]])
         if len(sequences[0]) == 1 and needs_no_guess:
-            return self._of_one([self._striking_once(n_periods, stop, mirrored) for (stop,) in sequences])
-        return self._from(*beginning(self.flow, n_periods, sequences[0], mirrored, guess))
+            return self._of_one([self._striking_once(n_periods, stop, images) for (stop,) in sequences])
+        return self._from(*beginning(self.flow, n_periods, sequences[0], images, guess))
 
     def _striking_once(self, n_periods: int, stop: int, images: tuple[int, ...] = ()) -> Cycle:
         """Return the cycle with one impact, or with one in each mirrored half."""

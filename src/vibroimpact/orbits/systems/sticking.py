@@ -256,7 +256,7 @@ def _orbit(model: Model, history: _History, state: State, multipliers: tuple[com
         phases=phases_of(turns),
         start=replace(state, time=state.time + ((before - whole) % n_periods - before) * system.period),
         multipliers=multipliers,
-        family=family_of(model),
+        family=family_of(model, system),
         contacts=history.contacts,
         neutral=multipliers_of(Flow(system).drift(TURN * n_periods)),
         rests=rests,
