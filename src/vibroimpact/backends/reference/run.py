@@ -62,7 +62,7 @@ class Run:
         walk, hit = self.walk, self.walk.recorded > 0
         touches = bool(walk.closed or walk.pushing or walk.away)
         if (not walk.struck or touches) and self.endings.lasts(walk):
-            touches |= bool((walk.at.clearance == 0.0).any())
+            touches |= bool(((walk.at.clearance == 0.0) & (walk.at.rate == 0.0)).any())  # else it parts from there
             return Status.STUCK_FOREVER if touches else Status.STOPPED_IMPACTING if hit else Status.NO_IMPACT
         if not walk.struck and self.endings.fades(walk, self.cut):
             return Status.DECAYING if hit else Status.NO_IMPACT
