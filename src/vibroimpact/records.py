@@ -70,6 +70,7 @@ def restored(dataset: xr.Dataset) -> Any:
     return _made(record["object"], models)
 
 
+# json makes a NaN of its own; objects are equal if they hold this one, as Python compares tuples by identity first.
 _CONSTANTS = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 
 
