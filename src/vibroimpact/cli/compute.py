@@ -109,15 +109,7 @@ def diagram(options: Options) -> None:
         got = " and ".join(study.axes) or "none"
         raise WrongRequest(f"a diagram needs exactly one axis, got {got}; for example --x omega=0.025:5:200")
     output.check(options, "bifurcation_diagram", _computed(study), 1)
-    from vibroimpact.execution.threads import GRACE
-
-    _sweep(
-        "bifurcation_diagram",
-        Meter("diagram", patience=GRACE, opening=study.announce),
-        study,
-        options,
-        **study.typed_axes,
-    )
+    _sweep("bifurcation_diagram", "diagram", study, options, **study.typed_axes)
 
 
 @with_options(
@@ -157,16 +149,7 @@ def parameter_map(options: Options) -> None:
     if stored:
         _into_store(study, options, more, resumed=resumed)
     else:
-        from vibroimpact.execution.threads import GRACE
-
-        _sweep(
-            "parameter_map",
-            Meter("map", patience=GRACE, opening=study.announce),
-            study,
-            options,
-            **study.typed_axes,
-            **more,
-        )
+        _sweep("parameter_map", "map", study, options, **study.typed_axes, **more)
 
 
 def _with_index(options: Options) -> Study:
@@ -213,7 +196,7 @@ def basins(options: Options) -> None:
     if options["stop"] is not None:
         axes["stop"] = options["stop"]
     output.check(options, "basins")
-    _sweep("basins", Meter("initial conditions", opening=study.announce), study, options, **axes)
+    _sweep("basins", "initial conditions", study, options, **axes)
 
 
 def _initial_conditions(study: Study, options: Options) -> dict[str, Any]:
@@ -237,9 +220,12 @@ def _initial_conditions(study: Study, options: Options) -> dict[str, Any]:
     return axes
 
 
-def _sweep(function: str, meter: Meter, study: Study, options: Options, **more: Any) -> None:
+def _sweep(function: str, label: str, study: Study, options: Options, **more: Any) -> None:
     """Compute many cells in memory, show the progress, and write or print the finished part."""
-    with meter, refusing():
+    from vibroimpact.execution.threads import GRACE
+
+    patience = None if function == "basins" else GRACE
+    with Meter(label, patience=patience, opening=study.announce) as meter, refusing():
         dataset = _call(function, study, progress=meter, **more)
     output.finish(dataset, options, meter)
 
