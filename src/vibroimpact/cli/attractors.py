@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -18,9 +17,6 @@ from vibroimpact.showing import plain
 if TYPE_CHECKING:
     from vibroimpact.coexistence import Attractor
     from vibroimpact.model import Model
-
-
-UNTOLD = ("model", "known_orbit")  # of an attractor in JSON: the model is told once
 
 
 @with_options(o.MODEL, o.TRANSIENT_IMPACTS, o.BASIN_IMPACTS, o.BACKEND, o.TOLERANCE, o.WORKERS, o.JSON)
@@ -55,11 +51,5 @@ def attractors(options: Options) -> None:
 def _content(model: Model, found: list[Attractor]) -> dict[str, Any]:
     """Return attractors as plain dictionaries, lists, numbers and text."""
     design = model.at()
-    rows = [
-        {"name": each.name, **{part.name: getattr(each, part.name) for part in fields(each) if part.name not in UNTOLD}}
-        for each in found
-    ]
-    for row in rows:
-        row["status"] = row["status"].word
-    content: dict[str, Any] = plain({design.kind: design.plain(), "attractors": rows})
-    return content
+    rows = [{"name": each.name, **plain(each), "status": each.status.word} for each in found]
+    return {design.kind: plain(design.plain()), "attractors": rows}
