@@ -20,7 +20,7 @@ from vibroimpact.model.force import Force
 from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.stops import Stop
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.model.units import DISPLAY, display, displayed_text
+from vibroimpact.model.units import DISPLAY
 from vibroimpact.parameters import Parameter
 from vibroimpact.status import Status
 
@@ -360,35 +360,3 @@ def _in_order(part: xr.Dataset) -> xr.Dataset:
     names = arguments_of(part).get("parameters", ())
     plane = [name for name in names if name in part.coords]
     return part.drop_vars(plane).assign_coords({name: part[name].variable for name in plane})
-
-
-# Units in which parameters are shown
-
-
-def with_display(dataset: xr.Dataset, units: Mapping[str, str]) -> xr.Dataset:
-    """Return a result whose parameters along axes, branches and curves are written and drawn in these units."""
-    for name, unit in units.items():
-        standard = dataset[name].attrs.get("units") if name in dataset.coords else None
-        if standard is None or unit == standard:
-            continue
-        of_name = [name, *({"special_value"} & set(map(str, dataset.variables)))]
-        dataset = dataset.assign({key: _relabelled(dataset[key], 1.0, {DISPLAY: unit}) for key in of_name})
-    return dataset
-
-
-def displayed(dataset: xr.Dataset) -> xr.Dataset:
-    """Return a result with parameters, and the messages that contain their values, in the units to show."""
-    for key in [str(key) for key, column in dataset.variables.items() if DISPLAY in column.attrs]:
-        attrs = dataset[key].attrs
-        messages = {name: text for name, text in dataset.attrs.items() if "message" in name and isinstance(text, str)}
-        messages = {name: displayed_text(text, key, attrs) for name, text in messages.items()}
-        dataset = dataset.assign({key: _relabelled(dataset[key], *display(attrs))}).assign_attrs(messages)
-    return dataset
-
-
-def _relabelled(column: xr.DataArray, factor: float, labels: dict[str, Any]) -> xr.Variable:
-    """Return an array times a factor, with some labels replaced."""
-    attrs = {name: value for name, value in column.attrs.items() if name != DISPLAY} | labels
-    return plain_variable(
-        tuple(map(str, column.dims)), column.values * factor if factor != 1.0 else column.values, attrs
-    )

@@ -1,8 +1,9 @@
-"""Labels of motions: times, impacts and rests, and the names of coordinates and stops."""
+"""Labels of motions: times, impacts and rests, and the names of coordinates and stops; results in the units to show."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from vibroimpact.dataset import dataset_of, impact_speed, plain_variable, status
 from vibroimpact.model import as_system
 from vibroimpact.model.balance import clearances
 from vibroimpact.model.elements import REPORTS, Element, reports_of
+from vibroimpact.model.units import DISPLAY, display, displayed_text
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -131,3 +133,35 @@ def _rests(system: ImpactSystem, samples: Any) -> dict[str, Any]:
 def _stops(system: ImpactSystem, dim: str, numbers: Any, long_name: str) -> Any:
     names = np.array(system.stop_names or [""], str)
     return plain_variable(dim, names[numbers], {"long_name": long_name})
+
+
+# Units in which parameters are shown
+
+
+def with_display(dataset: xr.Dataset, units: Mapping[str, str]) -> xr.Dataset:
+    """Return a result whose parameters along axes, branches and curves are written and drawn in these units."""
+    for name, unit in units.items():
+        standard = dataset[name].attrs.get("units") if name in dataset.coords else None
+        if standard is None or unit == standard:
+            continue
+        of_name = [name, *({"special_value"} & set(map(str, dataset.variables)))]
+        dataset = dataset.assign({key: _relabelled(dataset[key], 1.0, {DISPLAY: unit}) for key in of_name})
+    return dataset
+
+
+def displayed(dataset: xr.Dataset) -> xr.Dataset:
+    """Return a result with parameters, and the messages that contain their values, in the units to show."""
+    for key in [str(key) for key, column in dataset.variables.items() if DISPLAY in column.attrs]:
+        attrs = dataset[key].attrs
+        messages = {name: text for name, text in dataset.attrs.items() if "message" in name and isinstance(text, str)}
+        messages = {name: displayed_text(text, key, attrs) for name, text in messages.items()}
+        dataset = dataset.assign({key: _relabelled(dataset[key], *display(attrs))}).assign_attrs(messages)
+    return dataset
+
+
+def _relabelled(column: xr.DataArray, factor: float, labels: dict[str, Any]) -> xr.Variable:
+    """Return an array times a factor, with some labels replaced."""
+    attrs = {name: value for name, value in column.attrs.items() if name != DISPLAY} | labels
+    return plain_variable(
+        tuple(map(str, column.dims)), column.values * factor if factor != 1.0 else column.values, attrs
+    )

@@ -309,7 +309,7 @@ def sentences_of_store(path: Path) -> Iterator[str]:
 
 def _with_units(axes: list[str], dataset: xr.Dataset) -> list[str]:
     """Return the axes of a store in the units in which they were given."""
-    from vibroimpact.dataset import displayed
+    from vibroimpact.labels import displayed
     from vibroimpact.report.quantities import span
 
     dataset = displayed(dataset)

@@ -30,7 +30,7 @@ def hand_on(
     dataset: xr.Dataset, options: Options, seconds: float, over: xr.Dataset | None = None, units: Units | None = None
 ) -> None:
     """Write a result to its file, or print its sentences, with the parameters of curves in these units."""
-    from vibroimpact.dataset import with_display
+    from vibroimpact.labels import with_display
 
     dataset = with_display(dataset, units or {})
     if options["out"] is not None:

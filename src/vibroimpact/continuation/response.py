@@ -25,8 +25,9 @@ from vibroimpact.continuation.results import (
     responses,
     span_text,
 )
-from vibroimpact.dataset import dataset_of, displayed, flags, plain_variable, provenance
+from vibroimpact.dataset import dataset_of, flags, plain_variable, provenance
 from vibroimpact.indices import DISPLACEMENTS
+from vibroimpact.labels import displayed
 from vibroimpact.model import Model, as_system, check_model
 from vibroimpact.model.points import observed
 from vibroimpact.model.units import display

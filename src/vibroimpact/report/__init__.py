@@ -12,8 +12,9 @@ import numpy as np
 
 from vibroimpact.coexistence.attractor import distinct, distinct_names
 from vibroimpact.coexistence.losses import why_undecided
-from vibroimpact.dataset import arguments_of, bifurcation_name, displayed, model_of, unbundle
+from vibroimpact.dataset import arguments_of, bifurcation_name, model_of, unbundle
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
+from vibroimpact.labels import displayed
 from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along, motion_name
 from vibroimpact.motion.recognition import recognise, recurrence
 from vibroimpact.parameters import counted, hertz, times, with_unit

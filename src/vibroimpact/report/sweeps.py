@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.dataset import arguments_of, displayed, model_of
+from vibroimpact.dataset import arguments_of, model_of
 from vibroimpact.indices import EVERY, ROUNDING, VELOCITY_INDICES, spread_scale
+from vibroimpact.labels import displayed
 from vibroimpact.motion import MotionClass, decide, listed, may_wind, motion_name, refined
 from vibroimpact.motion.classes import NEEDED, classify
 from vibroimpact.motion.recognition import cycle_length, recurrence
