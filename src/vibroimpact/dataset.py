@@ -130,6 +130,11 @@ def flags(
     return plain_variable(dims, np.asarray(codes, dtype=dtype), attrs)
 
 
+def flag_meanings(codes: xr.DataArray | xr.Variable) -> list[str]:
+    """Return the words for the numbers that `flags` labels."""
+    return str(codes.attrs["flag_meanings"]).split()
+
+
 def status_variable(dims: str | Sequence[str], codes: Any) -> xr.Variable:
     """Return status codes with their CF flag values and meanings."""
     return flags(dims, codes, "how the motion ended", [status.word for status in Status])
@@ -192,6 +197,11 @@ def arguments_of(dataset: xr.Dataset) -> dict[str, Any]:
     """Return the arguments of the function that computed a result; none if they are not recorded."""
     arguments: dict[str, Any] = json.loads(dataset.attrs.get("arguments", "{}"))
     return arguments
+
+
+def varied_parameters(dataset: xr.Dataset) -> list[str]:
+    """Return the parameters that vary along the points of a branch, a curve or scattered designs."""
+    return [str(name) for name, coord in dataset.coords.items() if coord.dims == ("point",) and name != "point"]
 
 
 def start_of(dataset: xr.Dataset) -> State | None:

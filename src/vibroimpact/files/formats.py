@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vibroimpact.dataset import flag_meanings
+
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
@@ -122,13 +124,13 @@ def _table(dataset: xr.Dataset, dims: tuple[str, ...]) -> pd.DataFrame:
 def _in_words(dataset: xr.Dataset) -> xr.Dataset:
     """Return a dataset with words in place of codes."""
     coded = {name: v for name, v in dataset.variables.items() if "flag_meanings" in v.attrs}
-    words = {name: (v.dims, _meanings(v)) for name, v in coded.items()}
+    words = {name: (v.dims, _worded(v)) for name, v in coded.items()}
     axes = {name: word for name, word in words.items() if name in dataset.coords}
     return dataset.assign({name: word for name, word in words.items() if name not in axes}).assign_coords(axes)
 
 
-def _meanings(variable: xr.Variable) -> NDArray[Any]:
-    words = variable.attrs["flag_meanings"].split()
+def _worded(variable: xr.Variable) -> NDArray[Any]:
+    words = flag_meanings(variable)
     meanings = dict(zip(np.asarray(variable.attrs.get("flag_values", range(len(words)))).tolist(), words, strict=True))
     codes, at = np.unique(variable.values, return_inverse=True)
     return np.array([meanings.get(code, str(code)) for code in codes.tolist()], str)[at].reshape(variable.shape)
@@ -158,7 +160,7 @@ def _write_mat(dataset: xr.Dataset, part: Path) -> None:
     content["dimensions"] = {str(name): ", ".join(map(str, v.dims)) for name, v in dataset.variables.items()}
     content["provenance"] = {str(name): str(value) for name, value in dataset.attrs.items()}
     if "status" in dataset:
-        content["status_meanings"] = np.array(dataset.status.attrs["flag_meanings"].split(), dtype=object)
+        content["status_meanings"] = np.array(flag_meanings(dataset["status"]), dtype=object)
     with part.open("wb") as file:
         savemat(file, content, oned_as="column", long_field_names=True)
 

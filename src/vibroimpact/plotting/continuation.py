@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
+from vibroimpact.dataset import flag_meanings, varied_parameters
 from vibroimpact.motion import WITHOUT, listed, motion_along
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.along import HALO, name_along
@@ -60,7 +61,7 @@ def _datasets(argument: str, value: Any, variable: str, allowed: str, makers: st
     alone = isinstance(value, xr.Dataset) or not np.iterable(value)
     datasets = [getattr(result, "dataset", result) for result in ([value] if alone else value)]
     for dataset in datasets:
-        if not isinstance(dataset, xr.Dataset) or variable not in dataset or not _along(dataset):
+        if not isinstance(dataset, xr.Dataset) or variable not in dataset or not varied_parameters(dataset):
             raise labels.refused(argument, dataset, allowed, f"pass what {makers} returns")
     if not datasets:
         raise ValueError(f"`{argument}` must hold at least one result of {makers}, got none")
@@ -69,21 +70,16 @@ def _datasets(argument: str, value: Any, variable: str, allowed: str, makers: st
 
 def _plane(argument: str, drawn: list[xr.Dataset], must: str) -> list[str]:
     """Return the parameters that vary along all branches or curves, in the order of the first."""
-    planes = {frozenset(names): " and ".join(names) for names in map(_along, drawn)}
+    planes = {frozenset(names): " and ".join(names) for names in map(varied_parameters, drawn)}
     if len(planes) > 1:
         raise ValueError(f"`{argument}` must {must}, got {', '.join(planes.values())}; draw one figure for each")
-    return _along(drawn[0])
+    return varied_parameters(drawn[0])
 
 
 def _kinds(codes: xr.DataArray) -> list[str]:
     """Return the names of the kinds of special points or of a curve."""
-    names = str(codes.attrs["flag_meanings"]).split()
+    names = flag_meanings(codes)
     return [names[int(code)] for code in np.atleast_1d(codes.values)]
-
-
-def _along(followed: xr.Dataset) -> list[str]:
-    """Return the parameters that vary along a branch or a curve."""
-    return [str(name) for name, coord in followed.coords.items() if coord.dims == ("point",) and name != "point"]
 
 
 class Part(NamedTuple):

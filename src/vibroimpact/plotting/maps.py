@@ -17,6 +17,7 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
+from vibroimpact.dataset import varied_parameters
 from vibroimpact.model.units import display
 from vibroimpact.parameters import counted, invalid, real_number, unknown
 from vibroimpact.plotting import diagrams, labels, style
@@ -289,7 +290,7 @@ def _check_points(value: Any, index: str) -> tuple[xr.Dataset, xr.DataArray, lis
         hint = "pass what vibroimpact.parameter_map(points=...) returns"
         raise labels.refused("designs", value, "a parameter_map of scattered designs", hint)
     value, field = diagrams.with_index(value, index)
-    varied = [coord for name, coord in value.coords.items() if coord.dims == ("point",) and name != "point"]
+    varied = [value[name] for name in varied_parameters(value)]
     if not varied:
         raise labels.refused("designs", value, "a parameter_map with the parameters that vary", "keep its coordinates")
     return value, field, varied

@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from vibroimpact.dataset import VARIABLES, arguments_of
+from vibroimpact.dataset import VARIABLES, arguments_of, flag_meanings
 from vibroimpact.figures import EXPONENTS
 from vibroimpact.motion.classes import classify
 from vibroimpact.parameters import choice, counted
@@ -167,7 +167,7 @@ def _basins(dataset: xr.Dataset, field: xr.DataArray) -> Iterator[Layer]:
     numbers, codes = field.values.T, dataset["status"].transpose(*field.dims).values.T
     shares, hardest = dataset["share"].values, dataset["max_velocity"].values
     units, colors, further = labels.described(dataset["max_velocity"])[1], iter(ATTRACTORS), []
-    for number, meaning in enumerate(str(field.attrs["flag_meanings"]).split()[1:]):
+    for number, meaning in enumerate(flag_meanings(field)[1:]):
         color = QUIET.get(meaning) or next(colors, FURTHER)
         if color == FURTHER:
             further.append(number)

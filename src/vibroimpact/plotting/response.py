@@ -9,6 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from vibroimpact.dataset import varied_parameters
 from vibroimpact.parameters import choice
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.continuation import LOOKS, UNSTABLE, draw_special, split
@@ -40,7 +41,7 @@ def response_curve(curve: Any, quantity: str = "amplitude", ax: Axes | None = No
     if not isinstance(drawn, xr.Dataset) or not {"part", "special_kind", *QUANTITIES} <= set(drawn.variables):
         raise labels.refused("curve", drawn, "a response curve", "pass what vibroimpact.response_curve returns")
     name = choice("quantity", quantity, QUANTITIES)
-    (parameter,) = (str(key) for key, coord in drawn.coords.items() if coord.dims == ("point",))
+    (parameter,) = varied_parameters(drawn)
     ax = style.new_axes(ax, (8.0, 5.0), labels.title(drawn))
     possible = drawn.assign(admissible=xr.ones_like(drawn["stable"]))
     entries: dict[str, Line2D] = {}

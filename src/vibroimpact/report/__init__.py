@@ -12,7 +12,7 @@ import numpy as np
 
 from vibroimpact.coexistence.attractor import distinct, distinct_names
 from vibroimpact.coexistence.losses import why_undecided
-from vibroimpact.dataset import arguments_of, bifurcation_name, model_of, unbundle
+from vibroimpact.dataset import arguments_of, bifurcation_name, flag_meanings, model_of, unbundle, varied_parameters
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
 from vibroimpact.labels import displayed
 from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along, motion_name
@@ -183,13 +183,13 @@ def _orbit_type(part: xr.Dataset) -> str:
 def _branches(dataset: xr.Dataset) -> Iterator[str]:
     branches = unbundle(displayed(dataset))
     for at, branch in enumerate(branches, start=1):
-        (parameter,) = _varied(branch)
+        (parameter,) = varied_parameters(branch)
         head = f"branch {at} of {len(branches)}, " if len(branches) > 1 else ""
         yield f"{head}{motion_along(branch)}: {counted(branch.sizes['point'], 'orbit')}, {branch.attrs['message']}"
         intervals = [f"{low:.6g} to {high:.6g}" for low, high in _stable_intervals(branch, parameter)]
         where = with_unit(listed(intervals), branch[parameter].attrs["units"])
         yield f"  stable for {parameter} {where}" if intervals else "  nowhere stable"
-        kinds = _meanings(branch["special_kind"])
+        kinds = flag_meanings(branch["special_kind"])
         for i in range(branch.sizes["special"]):
             point = branch.isel(special=i)
             speeds = [f"{v:.6g}" for v in point["special_velocity"].values if math.isfinite(v)]
@@ -214,21 +214,13 @@ def _stable_intervals(branch: xr.Dataset, parameter: str) -> Iterator[tuple[floa
             yield float(part.min()), float(part.max())
 
 
-def _varied(curve: xr.Dataset) -> list[str]:
-    return [str(name) for name, coord in curve.coords.items() if coord.dims == ("point",)]
-
-
-def _meanings(codes: xr.DataArray) -> list[str]:
-    return str(codes.attrs["flag_meanings"]).split()
-
-
 def _boundaries(dataset: xr.Dataset) -> Iterator[str]:
     curves = unbundle(displayed(dataset))
-    yield f"{counted(len(curves), 'curve')} in the plane of {listed(_varied(curves[0]))}"
+    yield f"{counted(len(curves), 'curve')} in the plane of {listed(varied_parameters(curves[0]))}"
     for curve in curves:
-        ranges = ", ".join(axis_range(curve, name) for name in _varied(curve))
+        ranges = ", ".join(axis_range(curve, name) for name in varied_parameters(curve))
         size, residual = counted(curve.sizes["point"], "point"), float(curve["residual"].max())
-        kind = _meanings(curve["kind"])[int(curve["kind"])]
+        kind = flag_meanings(curve["kind"])[int(curve["kind"])]
         motion = _bounded_motion(curve, grazes=kind == "grazing")
         yield f"  {bifurcation_name(kind)} of {motion}: {ranges} ({size}, residual at most {residual:.0e})"
     yield from filter(None, dataset.attrs.get("message", "").split("; "))
@@ -247,7 +239,7 @@ def _bounded_motion(curve: xr.Dataset, grazes: bool) -> str:
 
 def _response(dataset: xr.Dataset) -> Iterator[str]:
     dataset = displayed(dataset)
-    (name,) = _varied(dataset)
+    (name,) = varied_parameters(dataset)
     units = dataset[name].attrs["units"]
     yield str(dataset.attrs["message"])
     amplitude, rms = (dataset[key].values for key in ("amplitude", "rms"))
@@ -255,7 +247,7 @@ def _response(dataset: xr.Dataset) -> Iterator[str]:
     stable = "stable" if dataset["stable"].values[at] else "unstable"
     largest, where = quantity(amplitude[at], "m", 6), quantity(dataset[name].values[at], units, 6)
     yield f"largest amplitude {largest} (rms {quantity(rms[at], 'm', 6)}) at {name} = {where}, {stable}"
-    kinds, heights = _meanings(dataset["special_kind"]), dataset["special_amplitude"].values
+    kinds, heights = flag_meanings(dataset["special_kind"]), dataset["special_amplitude"].values
     for code, value, height in zip(
         dataset["special_kind"].values, dataset["special_value"].values, heights, strict=True
     ):
@@ -272,7 +264,7 @@ def _basins(dataset: xr.Dataset) -> Iterator[str]:
     axes = [str(dim) for dim in field.dims]
     shape = " x ".join(str(dataset.sizes[axis]) for axis in axes)
     yield f"{shape} initial conditions: " + "; ".join(axis_range(dataset, axis) for axis in axes)
-    yield from (_attractor(*row) for row in _rows(dataset, [spaced(name) for name in _meanings(field)[1:]]))
+    yield from (_attractor(*row) for row in _rows(dataset, [spaced(name) for name in flag_meanings(field)[1:]]))
     undecided = field.values < 0
     for code, count in zip(*np.unique(dataset["status"].values[undecided], return_counts=True), strict=True):
         status = Status(int(code))
