@@ -204,6 +204,13 @@ def varied_parameters(dataset: xr.Dataset) -> list[str]:
     return [str(name) for name, coord in dataset.coords.items() if coord.dims == ("point",) and name != "point"]
 
 
+def first_start(dataset: xr.Dataset) -> str:
+    """Return in words where the first of a result's several initial conditions lies."""
+    start = arguments_of(dataset).get("start")
+    at_rest = isinstance(start, int) or (isinstance(start, list) and start[:1] == [None])
+    return "rest" if at_rest else "the first initial condition"
+
+
 def start_of(dataset: xr.Dataset) -> State | None:
     """Return the initial condition of one motion; None means at rest."""
     start = arguments_of(dataset)["start"]

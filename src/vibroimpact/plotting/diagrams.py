@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from vibroimpact.dataset import arguments_of
+from vibroimpact.dataset import first_start
 from vibroimpact.indices import ROUNDING, spread_scale
 from vibroimpact.parameters import choice, counted, real_number
 from vibroimpact.plotting import labels, style
@@ -85,9 +85,7 @@ def with_index(sweep: xr.Dataset, index: str) -> tuple[xr.Dataset, xr.DataArray]
 def _of_starts(sweep: xr.Dataset, index: str) -> xr.Dataset:
     """Reduce a map over several initial conditions to one value per cell, as described in `with_index`."""
     several, first = counted(sweep.sizes["start"], "initial condition"), sweep.isel(start=0, drop=True)
-    starts = arguments_of(sweep).get("start")
-    at_rest = isinstance(starts, int) or (isinstance(starts, list) and starts[0] is None)
-    origin = "from rest" if at_rest else "from the first initial condition"
+    origin = f"from {first_start(sweep)}"
     if index in UNRANKED:
         names = [name for name in {index, *UNRANKED} if index == "motion" or name == index]
         differs = sum((sweep[name] != first[name]).any("start") for name in names) > 0

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact.dataset import arguments_of, model_of
+from vibroimpact.dataset import arguments_of, first_start, model_of
 from vibroimpact.indices import EVERY, ROUNDING, VELOCITY_INDICES, spread_scale
 from vibroimpact.labels import displayed
 from vibroimpact.motion import MotionClass, decide, listed, may_wind, motion_name, refined
@@ -66,9 +66,7 @@ def hits_of(dataset: xr.Dataset) -> Iterator[str]:
     with_impacts = [status for status in Status if status.has_indices or status == Status.DECAYING]
     has_impacts = np.isin(field.values, with_impacts)
     first, others = has_impacts[0], has_impacts.any(axis=0) & ~has_impacts[0] & (field.values[0] != Status.BUDGET)
-    start = arguments_of(dataset).get("start")
-    at_rest = isinstance(start, int) or (isinstance(start, list) and start[:1] == [None])
-    origin = "rest" if at_rest else "the first initial condition"
+    origin = first_start(dataset)
     yield (
         f"impacts persist from {origin} in {first.sum():,} of {first.size:,} cells ({100 * first.mean():.3g} %); in "
         f"{others.sum():,} more ({100 * others.mean():.3g} %) only from others of the {len(field)} initial conditions"
