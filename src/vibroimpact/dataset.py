@@ -236,6 +236,14 @@ def units_of_model(dataset: xr.Dataset) -> dict[str, str]:
     return {name: entry.unit for name, entry in model_of(dataset).parameters.items()}
 
 
+def family_in(dataset: xr.Dataset) -> tuple[str, dict[str, Any]] | None:
+    """Return the name and the parameters of the family that a result was made from; None if it was made from none."""
+    if "model" not in dataset.attrs:
+        return None
+    values = json.loads(dataset.attrs["model"])
+    return str(values.pop("family")), values
+
+
 def model_from(plain: dict[str, Any]) -> ImpactOscillator | ImpactSystem:
     """Return the oscillator or the system with these plain numbers."""
     if "stops" not in plain:

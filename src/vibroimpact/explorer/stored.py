@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from vibroimpact import models
-from vibroimpact.dataset import arguments_of, model_of
+from vibroimpact.dataset import arguments_of, family_in, model_of
 from vibroimpact.explorer.limits import FINEST
 from vibroimpact.explorer.models import Find, name_in_links
 from vibroimpact.explorer.plane import Plane, Stored, positions
@@ -117,9 +116,8 @@ def _model_of(
     """Return the model of a sweep, its name in links, and the function that finds it by that name."""
     file = os.fspath(path)
     try:
-        if "model" in sweep.attrs:
-            values = json.loads(sweep.attrs["model"])
-            family = str(values.pop("family"))
+        if recorded := family_in(sweep):
+            family, values = recorded
             if model is None and family not in models.__all__:
                 raise ValueError(f"it was computed from the family {family!r}; give its file with --model FILE.py:NAME")
             if model is None:

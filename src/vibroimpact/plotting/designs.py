@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -13,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch, Rectangle
 
-from vibroimpact.dataset import arguments_of, model_from
+from vibroimpact.dataset import arguments_of, family_in, model_from
 from vibroimpact.figures import check_size
 from vibroimpact.model import Model, State
 from vibroimpact.motion import NAMING, motion_name, refined
@@ -226,7 +225,8 @@ def _designs(designs: Any, names: Sequence[str]) -> Designs:
 def _compared(dataset: xr.Dataset) -> Designs:
     """Return the designs of a comparison from its dataset."""
     models = [model_from(plain) for plain in arguments_of(dataset)["oscillators"]]
-    names = json.loads(dataset.attrs["model"]) if "model" in dataset.attrs else models[0].values
+    family = family_in(dataset)
+    names = family[1] if family else models[0].values
     parameters = [dataset[name] for name in names if name in dataset]
     differing = [(labels.described(pair), pair.values) for pair in parameters if pair.values[0] != pair.values[1]]
     texts = [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -12,7 +11,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 
-from vibroimpact.dataset import VARIABLES, arguments_of, model_of
+from vibroimpact.dataset import VARIABLES, arguments_of, family_in, model_of
 from vibroimpact.model import Model
 from vibroimpact.model.units import DISPLAY, display
 from vibroimpact.parameters import counted, hertz
@@ -164,11 +163,12 @@ def _selected(dataset: xr.Dataset) -> dict[str, float]:
 
 
 def _family(dataset: xr.Dataset) -> tuple[str, dict[str, float]] | None:
-    """Return the name and the parameters of the family of a result; None for a plain oscillator."""
-    if "model" not in dataset.attrs:
+    """Return the family of a result, as `family_in` does, at the selected axis values."""
+    family = family_in(dataset)
+    if family is None:
         return None
-    values = json.loads(dataset.attrs["model"])
-    return str(values.pop("family")), values | {k: v for k, v in _selected(dataset).items() if k in values}
+    name, values = family
+    return name, values | {k: v for k, v in _selected(dataset).items() if k in values}
 
 
 def selected_model(dataset: xr.Dataset) -> Any:
