@@ -19,9 +19,8 @@ from vibroimpact.motion import WITHOUT, cycle_name, listed, motion_along, motion
 from vibroimpact.motion.recognition import recognise, recurrence
 from vibroimpact.parameters import counted, hertz, times, with_unit
 from vibroimpact.report.quantities import axis_range, initial_condition, quantity, spaced, span
-from vibroimpact.report.statistics import statistics_sentences
 from vibroimpact.report.sweeps import diagram_sentences, map_sentences
-from vibroimpact.report.systems import carried, each_stop, moving_columns, system_sentence
+from vibroimpact.report.systems import carried, each_stop, moving_columns, statistics_sentences, system_sentence
 from vibroimpact.status import Status
 
 if TYPE_CHECKING:

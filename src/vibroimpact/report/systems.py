@@ -1,4 +1,4 @@
-"""Motions of systems in words: the impacts on each stop, and whether they repeat."""
+"""Motions of systems in words: the impacts on each stop, whether they repeat, and their effect on each support."""
 
 from __future__ import annotations
 
@@ -21,6 +21,16 @@ if TYPE_CHECKING:
 
 FEW = 4  # impacts of a cycle that are listed one by one
 STILL = 1e-9  # of the largest coordinate: a smaller motion is rounding
+# Of statistics, by name: the words before and after a quantity.
+_FACTS = {
+    "rate": ("", ""),
+    "mean_velocity": ("mean ", ""),
+    "max_velocity": ("up to ", ""),
+    "mean_force": ("", " on average"),
+    "rest_force": ("", " in rests"),
+    "peak_force": ("up to ", ""),
+    "power": ("", " lost"),
+}
 
 
 def system_sentence(section: xr.Dataset, system: ImpactSystem) -> str:
@@ -99,3 +109,17 @@ def moving_columns(dataset: xr.Dataset) -> list[Any]:
             column for column, size in zip(values.T, sizes, strict=True) if size > STILL * sizes.max(initial=0.0)
         ]
     return columns or [dataset["displacement"].values[:, 0]]
+
+
+def statistics_sentences(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield the time, then a line for each support."""
+    total = counted(int(dataset["impacts"].sum()), "impact")
+    yield f"{total} in {quantity(float(dataset['duration']), 's', 4)}"
+    for name in dataset["stop"].values.tolist():
+        of = dataset.sel(stop=name)
+        facts = [
+            f"{before}{quantity(float(of[key]), of[key].attrs['units'], 4)}{after}"
+            for key, (before, after) in _FACTS.items()
+            if key in of and of[key].notnull() and (of[key].item() or key != "rest_force")
+        ]
+        yield f"  {name}: {', '.join(facts) if int(of['impacts']) else 'no impacts'}"
