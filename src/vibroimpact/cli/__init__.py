@@ -104,8 +104,7 @@ def commands() -> Any:
     from vibroimpact.cli.compute import basins, compare, describe, diagram, parameter_map, section, simulate
     from vibroimpact.cli.files import explore, info, plot, reproduce, warm_up
     from vibroimpact.cli.models import models
-    from vibroimpact.cli.orbits import boundary, follow, orbit
-    from vibroimpact.cli.response import response
+    from vibroimpact.cli.orbits import boundary, follow, orbit, response
 
     app = typer.Typer(
         name="vibroimpact",

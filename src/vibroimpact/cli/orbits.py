@@ -1,4 +1,4 @@
-"""The commands that find periodic orbits, and that follow orbits and their boundaries."""
+"""The commands that find periodic orbits, and that follow orbits, responses and boundaries."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def follow(options: Options) -> None:
         orbits = _find(study, options)
         branches = _branches(orbits, parameter, span, meter, options.value("step"), doublings)
     if not branches:
-        nothing(orbits.message, options)
+        _nothing(orbits.message, options)
     beneath = _diagram(study, parameter, span) if options["diagram"] and not meter.stopped else None
     arguments = {"parameter": parameter, "range": span, **_type(options), "doublings": doublings}
     attrs = provenance("continue_orbit", study.model, arguments)
@@ -214,18 +214,51 @@ def _ranges(study: Study, count: int, *, contain: bool = True) -> dict[str, Rang
     return {name: (float(values[0]), float(values[-1])) for name, values in study.axes.items()}
 
 
-def one_range(study: Study) -> tuple[str, Range]:
-    """Return the one parameter to vary and its range, wherever the model itself lies."""
-    ((parameter, span),) = _ranges(study, 1, contain=False).items()
-    return parameter, span
-
-
-def nothing(message: str, options: Options) -> NoReturn:
+def _nothing(message: str, options: Options) -> NoReturn:
     """End a command that found nothing: a failure only if a file was to be written."""
     if options["out"] is not None:
         raise Ended(f"{message}; nothing was written")
     typer.echo(message)
     raise typer.Exit
+
+
+# Responses
+
+
+@with_options(o.MODEL, o.RANGE, o.OF, o.STEP, o.OUT, o.PICTURE)
+def response(options: Options) -> None:
+    """Response curve along a parameter: amplitudes without and with contact, folds, where contact begins.
+
+    Period-1 motions with one impact, or with one in each half of the period,
+    stable and unstable. Ctrl-C keeps what is finished.
+
+    For example:
+
+      vibroimpact response --model bilinear_oscillator --x frequency=2:9
+      vibroimpact response --x omega=0.3:3 -p gap=1.5 -p damping=0.1 --out curve.png
+      vibroimpact response --model tube_in_supports --of 0 --x frequency=20:60 --out curve.nc
+    """
+    import vibroimpact
+    from vibroimpact.continuation.response import NoCurve
+
+    study = study_of(options)
+    ((parameter, span),) = _ranges(study, 1, contain=False).items()
+    output.check(options, "response_curve")
+    dataset, of = None, study.settings.get("of")
+    with Meter("orbits", opening=study.announce) as meter:
+        try:
+            with refusing():
+                curve = vibroimpact.response_curve(
+                    study.model, of=of, step=options.value("step"), progress=meter, **{parameter: span}
+                )
+            dataset = curve.dataset
+        except NoCurve as error:
+            if not meter.stopped:
+                _nothing(str(error), options)
+        except WrongRequest:
+            if not meter.stopped:
+                raise
+    output.finish(dataset, options, meter, units=study.units)
 
 
 # Boundaries
@@ -263,7 +296,7 @@ def boundary(options: Options) -> None:
     with Meter("boundaries", opening=study.announce) as meter, refusing():
         curves = (_of_orbits if of_orbits else _all)(study, box, kinds, options, meter)
     if not curves and not meter.stopped:
-        nothing(f"no such boundary found in the plane of {' and '.join(names)}: {curves.message}", options)
+        _nothing(f"no such boundary found in the plane of {' and '.join(names)}: {curves.message}", options)
     output.finish(_bundled(curves, study, box) if curves else None, options, meter, over, study.units)
 
 
