@@ -27,8 +27,7 @@ from vibroimpact.plotting.maps import boundary_lines, index_contour, index_scatt
 from vibroimpact.plotting.motions import basin_portrait, exponent_map, motion_map
 from vibroimpact.plotting.orbits import phase_portrait, time_history
 from vibroimpact.plotting.response import response_curve
-from vibroimpact.plotting.sections import impact_map, stroboscopic_map
-from vibroimpact.plotting.statistics import impact_histogram
+from vibroimpact.plotting.sections import impact_histogram, impact_map, stroboscopic_map
 from vibroimpact.plotting.style import SAMPLE_DIMS
 
 PIXEL = 8  # bytes per pixel, of the canvas and of the file

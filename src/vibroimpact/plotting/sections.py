@@ -1,4 +1,4 @@
-"""Sections of one settled motion: stroboscopic (Poincare) map and impact map."""
+"""Sections of one settled motion: stroboscopic (Poincare) map and impact map; and its impacts as a histogram."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from vibroimpact.parameters import counted
 from vibroimpact.plotting import labels, style
 from vibroimpact.plotting.orbits import Dims, check_result, draw_sticks, legend, status_of
 from vibroimpact.plotting.style import BLUE, DOTS, Floats, on_axes
+from vibroimpact.plotting.ticks import quantity
 from vibroimpact.plotting.views import View, times_of, view_of
-from vibroimpact.plotting.walls import caption_of, color_of
+from vibroimpact.plotting.walls import STOPS, caption_of, color_of
 
 MANY = 200  # largest number of distinct points drawn as separate marks; more are drawn as an attractor
 
@@ -43,7 +44,7 @@ def _section(section: xr.Dataset, ax: Axes | None, maker: str, across: str, alon
     if not len(points):
         status = status_of(section)
         text = "no sample" if status is None else labels.wrapped(status.sentence, 45)
-        ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color="#555555")
+        style.say_empty(ax, text)
     return ax, points
 
 
@@ -191,4 +192,44 @@ def impact_map(section: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax.set_ylim(-0.03 * fastest, 1.08 * fastest)
     labels.label_axes(ax, section["phase"], section["velocity"])
     legend(ax, section)
+    return ax
+
+
+@on_axes
+def impact_histogram(statistics: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw how many impacts per second fall into each class of velocities, stacked over the supports.
+
+    The legend gives the rate, the hardest impact and the power of each support; those that are not struck are left out.
+
+    Parameters
+    ----------
+    statistics : xarray.Dataset
+        The result of `vibroimpact.impact_statistics`.
+
+    Examples
+    --------
+    >>> import vibroimpact as vi
+    >>> ax = vi.plotting.impact_histogram(vi.impact_statistics(vi.models.impact_damper(), sample_impacts=400))
+    >>> [text.get_text().split(":")[0] for text in ax.get_legend().get_texts()]
+    ['left', 'right']
+    """
+    check_result("statistics", statistics, "impact_statistics", {"number": ("stop", "velocity_class"), "rate": "stop"})
+    ax = style.new_axes(ax, (6.2, 4.2), labels.title(statistics))
+    low, high = statistics["velocity_from"].values, statistics["velocity_to"].values
+    rates = statistics["number"].values / float(statistics["duration"])
+    below = np.zeros(len(low))
+    for at, name in enumerate(statistics["stop"].values.tolist()):
+        if rates[at].any():
+            of = statistics.isel(stop=at)
+            facts = [quantity(of[key].item(), of[key].attrs["units"], 4) for key in ("rate", "max_velocity", "power")]
+            text = f"{name}: {facts[0]}, up to {facts[1]}, {facts[2]}"
+            look: Any = {"color": style.color_at(STOPS, at), "edgecolor": "white", "linewidth": 0.4}
+            ax.bar(low, rates[at], high - low, below, align="edge", label=text, **look)
+            below += rates[at]
+    if not below.any():
+        style.say_empty(ax, "no impacts")
+    ax.set_xlim(low[0], high[-1])
+    velocity = statistics["velocity_class"].assign_attrs(long_name="impact velocity")
+    labels.label_axes(ax, velocity, statistics["rate"])
+    legend(ax, statistics)
     return ax

@@ -205,6 +205,11 @@ def draw_stop(
     line(gap, **FACE[impenetrable], zorder=1.6)
 
 
+def say_empty(ax: Axes, text: str) -> None:
+    """Write in the middle of empty axes why nothing is drawn."""
+    ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color="#555555")
+
+
 # Legends
 
 
