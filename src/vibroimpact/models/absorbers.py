@@ -8,8 +8,7 @@ from vibroimpact.cells import Floats
 from vibroimpact.model.force import Force
 from vibroimpact.model.stops import Stop
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.models.arguments import checked, first_given
-from vibroimpact.models.slots import slot
+from vibroimpact.models.arguments import checked, first_given, slot
 from vibroimpact.parameters import radians
 
 

@@ -1,4 +1,4 @@
-"""The arguments of ready-made models: one table of names, units and ranges for all of them."""
+"""The arguments of ready-made models: one table of names, units and ranges for all; and the two stops of a slot."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from vibroimpact.model import check_names
 from vibroimpact.model.oscillator import ImpactOscillator
+from vibroimpact.model.stops import Stop
 from vibroimpact.parameters import Parameter
 
 _Arguments = ParamSpec("_Arguments")
@@ -153,3 +154,30 @@ def sharing(sections: str) -> Callable[[_Documented], _Documented]:
 def first_given(value: float | None, usual: float) -> float:
     """Return the restitution of a side, or that of all sides if it has none of its own."""
     return usual if value is None else value
+
+
+def slot(
+    below: str,
+    above: str,
+    direction: Any,
+    clearance: float,
+    amplitude: float | None = None,
+    restitutions: tuple[float | None, float | None] = (None, None),
+    **contact: Any,
+) -> list[Stop]:
+    """Return the two ends of a slot along direction . q, each at half of the clearance at q = 0.
+
+    The flanks of a tooth are such ends, too. They move together as amplitude sin wt, if an amplitude is given;
+    `contact` holds their restitution, or their stiffness and damping; `restitutions` are those of the two ends if they
+    differ.
+    """
+    return [
+        Stop(
+            direction=sign * direction,
+            gap=0.5 * clearance,
+            name=name,
+            motion=None if amplitude is None else {1: sign * amplitude},
+            **contact | ({} if own is None else {"restitution": own}),
+        )
+        for name, sign, own in zip((below, above), (-1.0, 1.0), restitutions, strict=True)
+    ]

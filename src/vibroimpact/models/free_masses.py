@@ -7,8 +7,7 @@ import math
 from vibroimpact.model.force import Force
 from vibroimpact.model.stops import Stop
 from vibroimpact.model.system import ImpactSystem
-from vibroimpact.models.arguments import checked
-from vibroimpact.models.slots import slot
+from vibroimpact.models.arguments import checked, slot
 from vibroimpact.parameters import critical_damping
 
 
