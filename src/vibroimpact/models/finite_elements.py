@@ -15,8 +15,7 @@ from vibroimpact.model.points import over_points, resolved
 from vibroimpact.model.stops import Stop, several_stops
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.models.arguments import sharing
-from vibroimpact.models.meshes import BEAM, FIXED, ROD, Element, modes_of, nodes_of, row_of
-from vibroimpact.models.sections import area_and_second_moment
+from vibroimpact.models.meshes import BEAM, FIXED, ROD, Element, area_and_second_moment, modes_of, nodes_of, row_of
 from vibroimpact.parameters import choice, invalid, positive_number, real_number, whole_number
 
 _SAME = 1e-9  # of the length: places nearer to each other, or nearer beyond an end, differ by rounding

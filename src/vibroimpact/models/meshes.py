@@ -1,4 +1,4 @@
-"""Finite elements of beams and rods: their matrices, meshes and modes, in lengths of an average element."""
+"""Beams and rods: their cross-sections; their finite elements, meshes and modes, in lengths of an average element."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from vibroimpact.cells import Floats
 from vibroimpact.matrices import scaled
-from vibroimpact.parameters import invalid
+from vibroimpact.parameters import invalid, positive_number
 
 _GAUSS = 0.5 / math.sqrt(3.0)  # two points at this distance from the middle, of a length 1, integrate cubics exactly
+_SHAPES = "width and thickness, diameter, or outer_diameter and wall_thickness"
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,3 +135,31 @@ def row_of(kind: Element, nodes: Floats, begin: float, end: float | None = None)
         for side in (-_GAUSS, _GAUSS):
             row += share * row_of(kind, nodes, 0.5 * (low + high) + side * (high - low))
     return row
+
+
+# Cross-sections
+
+
+def area_and_second_moment(section: Any) -> tuple[float, float]:
+    """Return the area in m^2 and the second moment of area in m^4 of a section given by its dimensions in m."""
+    if not isinstance(section, Mapping):
+        raise invalid("section", section, f"a mapping of dimensions in m ({_SHAPES})", 'write {"diameter": 0.02}')
+    sizes = {name: positive_number(f"section[{name!r}]", value) for name, value in section.items()}
+    match sizes:
+        case {"width": width, "thickness": thickness} if len(sizes) == 2:
+            return width * thickness, width * thickness**3 / 12.0
+        case {"diameter": diameter} if len(sizes) == 1:
+            return 0.25 * math.pi * diameter**2, math.pi * diameter**4 / 64.0
+        case {"outer_diameter": outer, "wall_thickness": wall_thickness} if len(sizes) == 2:
+            area, squared = ring(outer, wall_thickness)
+            return area, area * squared
+    raise ValueError(f"`section` must have the dimensions {_SHAPES}, got {', '.join(map(str, sizes)) or 'none'}")
+
+
+def ring(outer: float, wall_thickness: float) -> tuple[float, float]:
+    """Return the area of the wall of a tube, and the square of its radius of gyration."""
+    inner = outer - 2.0 * wall_thickness
+    if inner <= 0.0:
+        raise invalid("wall_thickness", wall_thickness, f"less than half of `outer_diameter`, {outer / 2:g}")
+    wall = math.pi * wall_thickness * (outer - wall_thickness)
+    return wall, (outer**2 + inner**2) / 16.0

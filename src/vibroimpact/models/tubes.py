@@ -13,7 +13,7 @@ from vibroimpact.model.stops import Stop
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.models.arguments import checked, first_given, sharing
 from vibroimpact.models.beam_modes import beam_modes, moving_row
-from vibroimpact.models.sections import ring
+from vibroimpact.models.meshes import ring
 
 _SIDES = {"upper": 1.0, "lower": -1.0}  # of a support
 _OF_TUBES = r"""
