@@ -193,7 +193,7 @@ def test_work_begins_when_a_tab_enters_and_ends_when_it_is_closed_without_a_word
 
 
 def test_numbers_reach_the_browser_as_they_are_and_what_is_none_as_null(served):
-    from vibroimpact.explorer.packing import packed
+    from vibroimpact.explorer.server import packed
 
     arrays = {name: np.arange(7, dtype=name) for name in ("float64", "float32", "uint16", "uint8")}
     message = packed({"a": {**arrays, "x": (np.float64(0.1), np.nan, -np.inf), "empty": np.empty(0)}, "ü": {"b": True}})

@@ -1,4 +1,4 @@
-"""The server: the page, which costs nothing to serve, and the websocket that starts work."""
+"""The server: the page, which costs nothing to serve; the websocket that starts work, and its messages."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ import contextlib
 import ctypes
 import functools
 import gc
+import json
+import math
 import sys
 import threading
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+import numpy as np
 from tornado.httpserver import HTTPServer
 from tornado.httputil import HTTPServerRequest
 from tornado.ioloop import IOLoop
@@ -23,7 +26,6 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from vibroimpact.explorer.address import from_query
 from vibroimpact.explorer.controls import BUTTONS, EXPORTS, MENUS, TICKS
 from vibroimpact.explorer.models import Find
-from vibroimpact.explorer.packing import packed
 from vibroimpact.explorer.page import Page
 from vibroimpact.explorer.plane import Stored
 from vibroimpact.explorer.point import compute_point
@@ -39,6 +41,7 @@ PING = 15.0  # s between pings to a browser
 TIDY_DELAY = 3.0  # s after which a closed tab has been cleaned up
 NOTEBOOKS = "http://localhost:* http://127.0.0.1:* vscode-webview:"  # sites that may frame the page
 SCRIPTS = ("plots", "motion", "plane", "picture", "rows", "menus", "page")
+ALIGNED = 8  # bytes: a browser reads arrays in place, only at multiples of the item size
 _ASSETS = Path(__file__).parent / "assets"
 
 
@@ -246,3 +249,42 @@ def page_file() -> str:
 
 def _asset(name: str) -> str:
     return (_ASSETS / name).read_text(encoding="utf-8")
+
+
+def packed(parts: dict[str, dict[str, Any]]) -> bytes:
+    """Return parts of the page as one websocket message: their text, then their arrays in binary form.
+
+    Notes
+    -----
+    The first four bytes, little-endian, give the length of the text (JSON), which is padded with spaces. The text maps
+    names to contents; ``{"array": [type, place, length]}`` refers to an array of numbers at that place, counted from
+    the end of the text. NaN, which JSON does not have, becomes null.
+    """
+    arrays: list[bytes] = []
+    place = 0
+
+    def plain(content: Any) -> Any:
+        nonlocal place
+        if isinstance(content, bytes):
+            content = np.frombuffer(content, np.uint8)
+        if isinstance(content, np.ndarray):
+            numbers = content.astype(content.dtype.newbyteorder("<"), copy=False).tobytes()
+            entry = {"array": [content.dtype.name, place, content.size]}
+            arrays.append(numbers.ljust(_aligned(len(numbers)), b"\0"))
+            place += len(arrays[-1])
+            return entry
+        if isinstance(content, np.generic):
+            content = content.item()
+        if isinstance(content, dict):
+            return {key: plain(part) for key, part in content.items()}
+        if isinstance(content, (list, tuple)):
+            return [plain(part) for part in content]
+        return None if isinstance(content, float) and not math.isfinite(content) else content
+
+    text = json.dumps([[name, plain(content)] for name, content in parts.items()], ensure_ascii=False).encode()
+    text = text.ljust(_aligned(4 + len(text)) - 4)
+    return b"".join([len(text).to_bytes(4, "little"), text, *arrays])
+
+
+def _aligned(length: int) -> int:
+    return -(-length // ALIGNED) * ALIGNED
