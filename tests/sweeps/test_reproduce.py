@@ -27,8 +27,7 @@ from vibroimpact.studies.lee.rules import (
     nearly_all,
     printed_value,
     proportional,
-    rises,
-    same_name,
+    trend,
 )
 
 HOLDS, CLOSE, FAILS = Verdict.HOLDS, Verdict.LAST_DIGIT, Verdict.FAILS
@@ -58,20 +57,20 @@ def test_an_interval_is_filled_only_if_every_frequency_in_it_has_the_motion() ->
     assert fills_interval(positions, [True, True, True, True], "0.4", "0.5").verdict is FAILS
 
 
-def test_shares_trends_axes_and_names_are_judged_by_their_numbers_alone() -> None:
+def test_shares_trends_and_axes_are_judged_by_their_numbers_alone() -> None:
     assert nearly_all(0.95, "cells").verdict is HOLDS
     assert nearly_all(0.949, "cells").verdict is FAILS
-    assert rises([1.0, 2.0, 3.0], "it").verdict is HOLDS
-    assert rises([1.0, 3.0, 2.0], "it").verdict is FAILS
-    assert rises([1.0], "it").verdict is FAILS
+    assert trend([1.0, 2.0, 3.0], "it", grows=True).verdict is HOLDS
+    assert trend([1.0, 3.0, 2.0], "it", grows=True).verdict is FAILS
+    assert trend([3.0, 2.0, 1.0], "it", grows=False).verdict is HOLDS
+    assert trend([2.0, 2.0, 1.0], "it", grows=False).verdict is FAILS
+    assert trend([1.0], "it", grows=True).verdict is FAILS
     assert [axis_limit(value, "8").verdict for value in (7.9, 8.5, 9.1, 6.5, 5.9)] == [
         HOLDS, CLOSE, FAILS, CLOSE, FAILS,
     ]  # fmt: skip
     assert proportional([5.0, 5.0 + 1e-12], 5.0).verdict is HOLDS
     assert proportional([5.0, 5.1], 5.0).verdict is FAILS
     assert proportional([], 5.0).verdict is FAILS
-    assert same_name("period-1 impact-2", "period-1 impact-2").verdict is HOLDS
-    assert same_name("period-2 impact-4", "period-1 impact-2").verdict is FAILS
 
 
 def test_a_statement_of_several_parts_is_as_true_as_its_weakest_part() -> None:

@@ -26,13 +26,11 @@ from vibroimpact.studies.lee.rules import (
     all_of,
     axis_limit,
     cut_like,
-    falls,
     fills_interval,
     is_true,
     nearly_all,
     printed_value,
-    rises,
-    same_name,
+    trend,
 )
 
 
@@ -122,7 +120,7 @@ class Section:
             values = measure(lab)
             numbers = " → ".join(form.format(value) for value in values) + (f" {unit}" if unit else "")
             reason = because if isinstance(because, str) else because(lab)
-            return Outcome((rises if grows else falls)(values, what), numbers, reason)
+            return Outcome(trend(values, what, grows=grows), numbers, reason)
 
     def named(self, quotation: str, name: str, omega: float) -> None:
         """Register the name of a motion at a frequency."""
@@ -133,7 +131,7 @@ class Section:
             hits = lab.window(omega=omega).velocity
             other = motion.name != name and beside(lab, [omega], name, lambda motion: motion.name == name)
             return Outcome(
-                same_name(motion.name, name),
+                is_true(motion.name == name, "the recognised motion has the name that the paper gives"),
                 motion.name,
                 f"after {lab.scale.settle_impacts} impacts: {motion.sentence(OSCILLATOR.replace(omega=omega).period)}"
                 + (f"; {other}" if other else ""),

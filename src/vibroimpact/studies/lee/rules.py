@@ -75,11 +75,6 @@ def printed_value(measured: float, printed: str) -> Assessment:
     return Assessment(_verdict(away == 0, away <= _unit(printed)), rule)
 
 
-def same_name(recognised: str, said: str) -> Assessment:
-    """Assess the name of a motion."""
-    return Assessment(_verdict(recognised == said), "the recognised motion has the name that the paper gives")
-
-
 def is_true(holds: bool, rule: str) -> Assessment:
     """Assess a statement that a measurement decides directly; `rule` is the criterion."""
     return Assessment(_verdict(holds), rule)
@@ -113,16 +108,10 @@ def nearly_all(share: float, of_what: str) -> Assessment:
     return Assessment(_verdict(share >= NEARLY_ALL), f"at least {NEARLY_ALL:.0%} of {of_what}")
 
 
-def falls(values: Sequence[float], what: str) -> Assessment:
-    """Assess a downward trend: every value below the one before it."""
-    down = len(values) > 1 and all(b < a for a, b in pairwise(values))
-    return Assessment(_verdict(down), f"{what} falls at every step")
-
-
-def rises(values: Sequence[float], what: str) -> Assessment:
-    """Assess an upward trend: every value above the one before it."""
-    up = len(values) > 1 and all(b > a for a, b in pairwise(values))
-    return Assessment(_verdict(up), f"{what} rises at every step")
+def trend(values: Sequence[float], what: str, *, grows: bool) -> Assessment:
+    """Assess a trend: every value above the one before it, or below it."""
+    steady = all(b > a for a, b in pairwise(values if grows else values[::-1]))
+    return Assessment(_verdict(len(values) > 1 and steady), f"{what} {'rises' if grows else 'falls'} at every step")
 
 
 def axis_limit(largest: float, printed: str) -> Assessment:

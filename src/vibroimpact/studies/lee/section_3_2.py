@@ -20,7 +20,7 @@ from vibroimpact.studies.lee.laboratory import (
     sticks,
 )
 from vibroimpact.studies.lee.paper import OSCILLATOR, PAIRS
-from vibroimpact.studies.lee.rules import all_of, falls, fills_interval, is_true, nearly_all, printed_value
+from vibroimpact.studies.lee.rules import all_of, fills_interval, is_true, nearly_all, printed_value, trend
 
 first_chaos = Section("3.2")
 between = Section("3.3")
@@ -80,7 +80,7 @@ def period_doubling(lab: Laboratory) -> Outcome:
     highest = [float(scan.omega[flags].max(initial=-np.inf)) for flags in steps]
     names = ("period-1 impact-6", "period-2 impact-12", "period-4 impact-24", "aperiodic")
     return Outcome(
-        falls(highest, f"with w falling from {scan.omega[-1]:g}: the first w of {', '.join(names)}"),
+        trend(highest, f"with w falling from {scan.omega[-1]:g}: the first w of {', '.join(names)}", grows=False),
         " → ".join(f"{w:.4f}" for w in highest),
         "first seen, w falling: " + ", ".join(f"{n} at {w:.4f}" for n, w in zip(names, highest, strict=True)),
     )
@@ -172,7 +172,7 @@ between.named("the corresponding results are presented with a period-1 impact-1 
 def resonance_peak(lab: Laboratory) -> Outcome:
     """Compare the velocity at 2 with those a quarter away."""
     heights = {omega: max(lab.motion(omega=omega).velocities, default=0.0) for omega in (1.5, 2.0, 2.5)}
-    both = [falls([heights[2.0], heights[side]], "the velocity away from w = 2") for side in (1.5, 2.5)]
+    both = [trend([heights[2.0], heights[side]], "the velocity away from w = 2", grows=False) for side in (1.5, 2.5)]
     listing = ", ".join(f"{value:.4g} at {omega:g}" for omega, value in heights.items())
     return Outcome(all_of(both), f"{heights[2.0]:.5g} m/s", f"impact velocities in m/s at w: {listing}")
 
