@@ -190,7 +190,7 @@ def _parts(
         time, y, v = np.append(at, time), np.append(place, y), np.append(speed, v)
     hard = np.flatnonzero(hit_speed > FAINT * float(hit_speed.max(initial=0.0)))[:HISTORY]
     hit_time, hit_speed, struck = hit_time[hard], hit_speed[hard], orbit["impact_stop"][hit][hard]
-    between = _away_from(time, hit_time, 1e-9 * shown.model.period)
+    between = views.between_impacts(time, hit_time, 1e-9 * shown.model.period)
     sides = [(time[between], y[between], v[between]), *_sides(shown, hit_time, hit_speed, struck)]
     all_time, places, speeds = (np.concatenate(part) for part in zip(*sides, strict=True))
     order = np.argsort(all_time, kind="stable")
@@ -225,15 +225,6 @@ def _hardest(system: Any, impact_map: Columns) -> State | None:
         return None
     at = int(velocity.argmax())
     return State(system.stops[0].gap, float(velocity[at]), float(phase[at]) * system.period)
-
-
-def _away_from(time: Floats, events: Floats, width: float) -> NDArray[np.bool_]:
-    """Whether instants are away from all events; a sample at an impact is replaced by the impact's two sides."""
-    if not len(events):
-        return np.ones(len(time), bool)
-    after = np.searchsorted(events, time).clip(1, len(events) - 1) if len(events) > 1 else np.zeros(len(time), int)
-    nearest = np.minimum(np.abs(events[after] - time), np.abs(events[after - 1] - time))
-    return np.asarray(nearest > width)
 
 
 def _impact_map(system: Any, start: State | None, orbit: Columns, n_periods: int, repeats: bool, stop: int) -> Columns:

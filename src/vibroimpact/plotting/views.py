@@ -232,12 +232,13 @@ def times_of(result: xr.Dataset) -> Floats:
     return result["time"].values if "time" in result else np.zeros(len(result["displacement"]))
 
 
-def between_impacts(sampled: Floats, times: Floats) -> Mask:
-    """Return which samples lie between impacts.
+def between_impacts(sampled: Floats, times: Floats, width: float | None = None) -> Mask:
+    """Return which samples lie between impacts, `width` or more from each; by default a millionth of a time step.
 
     A sample at an impact holds the state after it, but rounding may place it before; such samples are left out.
     """
     around = np.concatenate([[-np.inf], times, [np.inf]])
     after = np.searchsorted(times, sampled)
-    free: Mask = np.minimum(sampled - around[after], around[after + 1] - sampled) >= 1e-6 * np.ptp(sampled[:2])
+    width = 1e-6 * float(np.ptp(sampled[:2])) if width is None else width
+    free: Mask = np.minimum(sampled - around[after], around[after + 1] - sampled) >= width
     return free
