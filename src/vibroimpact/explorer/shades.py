@@ -18,12 +18,11 @@ from vibroimpact.explorer.state import GREEK, RAISED, written
 from vibroimpact.figures import EXPONENTS, MOTION
 from vibroimpact.indices import INDICES
 from vibroimpact.motion import motion_name, refined
-from vibroimpact.parameters import labelled, with_unit
 from vibroimpact.plotting.categories import COUNTS, missing_layers, motion_layers, number_layers
 from vibroimpact.plotting.cells import COLORS, SIGNED, symmetric_limit
 from vibroimpact.plotting.labels import WORDS
 from vibroimpact.plotting.style import STICKING, Layer
-from vibroimpact.plotting.ticks import power_of, prefixed
+from vibroimpact.plotting.ticks import power_of, unit_label
 
 KIND, PERIOD = 1e10, 1e5  # kind of motion, periods and impacts in one number
 SCALES: dict[bool, tuple[str, ...]] = {
@@ -83,7 +82,7 @@ def shades(plane: Plane) -> Shades:
         scale=len(colors),
         low=low,
         high=high,
-        title=title + _unit(index.units, power),
+        title=title + unit_label(index.units, power, lambda power: f"10{str(power).translate(RAISED)}"),
         ticks=ticks,
         legend=tuple((color, text) for _, color, text in others),
     )
@@ -122,14 +121,6 @@ def _numbers(layers: Sequence[Layer], number: NDArray[np.uint16], first: int) ->
 
 def _plain(color: str, text: str) -> str:
     return "sticking: −∞" if color == STICKING else text
-
-
-def _unit(units: str, power: int) -> str:
-    """Return a unit with a prefix or a power of ten, in brackets; empty for a pure number."""
-    unit = prefixed(units, power)
-    if unit is None:
-        unit = with_unit(f"10{str(power).translate(RAISED)}", units)
-    return labelled("", unit)
 
 
 def _ticks(low: float, high: float, log: bool, unit: float) -> Iterator[tuple[float, str]]:

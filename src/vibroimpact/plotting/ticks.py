@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -65,11 +65,11 @@ def quantity(value: float, units: str, digits: int = 5) -> str:
     return with_unit(f"{value / 10.0**power:.{digits}g}", unit)
 
 
-def unit_label(units: str, power: int) -> str:
-    """Return the label of a unit times a power of ten, in brackets; empty for pure numbers."""
+def unit_label(units: str, power: int, ten: Callable[[int], str] = "$10^{{{}}}$".format) -> str:
+    """Return the label of a unit times a power of ten, which `ten` writes, in brackets; empty for pure numbers."""
     unit = prefixed(units, power)
     if unit is None:
-        unit = with_unit(f"$10^{{{power}}}$", units)
+        unit = with_unit(ten(power), units)
     return labelled("", unit)
 
 
