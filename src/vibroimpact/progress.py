@@ -92,22 +92,58 @@ def in_notebook() -> bool:
     return hasattr(getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)(), "kernel")
 
 
-class Passing:
+class _Line:
+    """A temporary line on the error stream, which a thread of its own writes anew until the line has ended."""
+
+    pause = 1.0  # of PULSE, between two looks at what to write
+
+    def __init__(self) -> None:
+        self._stream, self._width = sys.stderr, 0
+        self._lock, self._ended = threading.Lock(), Event()
+
+    def __enter__(self) -> Self:
+        threading.Thread(target=self._run, daemon=True).start()
+        return self
+
+    def _run(self) -> None:
+        while not self._ended.wait(self.pause * PULSE):
+            with self._lock:
+                line = self._text()
+                if line is not None and not self._ended.is_set():
+                    self._write(line)
+
+    def _text(self) -> str | None:
+        """Return what to write now; None leaves what stands there."""
+        raise NotImplementedError
+
+    def _write(self, line: str) -> None:
+        """Write a line in the place of the one before."""
+        if line or self._width:
+            self._stream.write("\r" + " " * self._width + "\r" + line)
+            self._stream.flush()
+        self._width = len(line)
+
+
+def _awaited(what: str, seconds: float) -> str:
+    """Return what is waited for, a compilation if one is under way, and for how long; empty if it is nothing."""
+    what = f"compiling {compiling.under_way()}" if compiling.under_way() else what
+    return f"{what} ... {seconds:.0f} s" if what else ""
+
+
+class Passing(_Line):
     """A line on the error stream about a computation that takes longer than a second; it goes at the end.
 
     Within a `with` block; it is the function that the computation reports to.
     """
 
     def __init__(self, label: str) -> None:
-        self._label, self._stream = label, sys.stderr
-        self._news, self._width = "", 0
-        self._lock, self._ended = threading.Lock(), Event()
+        super().__init__()
+        self._label, self._news = label, ""
 
     def __enter__(self) -> Self:
         self._began, self._computed = perf_counter(), compiling.clock()
         compiling.announcing.append(self._clear)
-        threading.Thread(target=self._run, daemon=True).start()
-        return self
+        return super().__enter__()
 
     def __exit__(self, *_: object) -> None:
         self._ended.set()
@@ -120,31 +156,17 @@ class Passing:
         left = remaining(done, total, compiling.clock() - self._computed)
         self._news = ", ".join(filter(None, (part, left)))
 
-    def _run(self) -> None:
-        while not self._ended.wait(PULSE):
-            seconds = perf_counter() - self._began
-            if seconds < compiling.SILENT:
-                continue
-            if self._news and not compiling.under_way():
-                line = f"{self._label}: {self._news}, after {seconds:.0f} s"
-            else:
-                what = f"compiling {compiling.under_way()}" if compiling.under_way() else self._label
-                line = f"{what} ... {seconds:.0f} s"
-            with self._lock:
-                if not self._ended.is_set():
-                    self._width = passing(self._stream, line, self._width)
+    def _text(self) -> str | None:
+        seconds = perf_counter() - self._began
+        if seconds < compiling.SILENT:
+            return None
+        if self._news and not compiling.under_way():
+            return f"{self._label}: {self._news}, after {seconds:.0f} s"
+        return _awaited(self._label, seconds)
 
     def _clear(self) -> None:
         with self._lock:
-            self._width = passing(self._stream, "", self._width)
-
-
-def passing(stream: TextIO, line: str, width: int) -> int:
-    """Write a line in the place of the one before, which was `width` wide; return the width of this one."""
-    if line or width:
-        stream.write("\r" + " " * width + "\r" + line)
-        stream.flush()
-    return len(line)
+            self._write("")
 
 
 def _bar() -> Progress:
@@ -258,25 +280,25 @@ class Meter:
             os._exit(130)
 
 
-class Pulse:
+class Pulse(_Line):
     """A temporary line on a terminal that shows what the program is waiting for, until something else is written.
 
     It is used in a `with` block, and removed before anything else is written to either stream.
     """
 
     latest: Pulse | None = None
+    pause = 0.5
 
     def __init__(self) -> None:
+        super().__init__()
         self._streams = sys.stdout, sys.stderr
-        self._width, self._lock, self._ended = 0, threading.Lock(), Event()
         self._silent = perf_counter()
         self.waits_for = "loading"  # nothing where others are waited for, or where a line of theirs is being written
 
     def __enter__(self) -> Self:
         Pulse.latest = self
         sys.stdout, sys.stderr = (cast("TextIO", _Watched(stream, self)) for stream in self._streams)
-        threading.Thread(target=self._run, daemon=True).start()
-        return self
+        return super().__enter__()
 
     def __exit__(self, *_: object) -> None:
         self._ended.set()
@@ -290,16 +312,9 @@ class Pulse:
             self._write("")
             self._silent, self.waits_for = perf_counter(), "computing" if text.endswith(("\n", "\r")) else ""
 
-    def _run(self) -> None:
-        while not self._ended.wait(PULSE / 2):
-            with self._lock:
-                silent = perf_counter() - self._silent
-                what = f"compiling {compiling.under_way()}" if compiling.under_way() else self.waits_for
-                if silent > PULSE and not self._ended.is_set():
-                    self._write(f"{what} ... {silent:.0f} s" if what else "")
-
-    def _write(self, line: str) -> None:
-        self._width = passing(self._streams[1], line, self._width)
+    def _text(self) -> str | None:
+        silent = perf_counter() - self._silent
+        return _awaited(self.waits_for, silent) if silent > PULSE else None
 
 
 def wait_for_others() -> None:
