@@ -260,24 +260,17 @@ def _without_contact(model: Model, parameter: str, values: Floats) -> tuple[list
                 place = int(np.searchsorted(values, lowest.x))
                 values = np.insert(values, place, lowest.x)
                 margins.insert(place, float(lowest.fun))
-    free: list[list[float]] = [[]] if margins[0] >= 0.0 else []
-    touching = [] if margins[0] >= 0.0 else [[float(values[0])]]
+    ends, narrow = [float(values[0])], 1e-14 * (values[-1] - values[0])
     for (low, before), (high, after) in pairwise(zip(values.tolist(), margins, strict=True)):
-        if before >= 0.0:
-            free[-1].append(low)
         if (before >= 0.0) == (after >= 0.0):
             continue
         graze = low if before >= 0.0 else high
         if math.isfinite(before) and math.isfinite(after):
-            graze = float(brentq(margin, low, high, xtol=1e-14 * (values[-1] - values[0])))
-        if before >= 0.0:
-            free[-1].append(graze)
-            touching.append([graze])
-        else:
-            touching[-1].append(graze)
-            free.append([graze])
-    (free if margins[-1] >= 0.0 else touching)[-1].append(float(values[-1]))
-    return [np.unique(part) for part in free], [(part[0], part[-1]) for part in touching]
+            graze = float(brentq(margin, low, high, xtol=narrow))
+        ends.append(graze)
+    parts, clear = [*pairwise([*ends, float(values[-1])])], margins[0] >= 0.0  # with and without contact in turn
+    free = [np.unique([low, *values[(low < values) & (values < high)], high]) for low, high in parts[not clear :: 2]]
+    return free, parts[clear::2]
 
 
 def _branches(
