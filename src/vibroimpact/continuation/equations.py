@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibroimpact.model import Model
 from vibroimpact.orbits.equations import Floats
@@ -335,3 +336,24 @@ def _slopes(function: Callable[[Floats], Any], x: Floats, directions: Floats) ->
     """
     slopes = [np.subtract(function(x + STEP * one), function(x - STEP * one)) / (2.0 * STEP) for one in directions]
     return np.array(slopes, dtype=float).T
+
+
+def _nearest_zero(values: Sequence[complex] | NDArray[np.complex128]) -> float:
+    """Return the product of the two numbers closest to zero, with the sign of the product of all, which is real."""
+    sizes = np.sort(np.abs(values))
+    if not np.isfinite(sizes).all() or sizes[0] == 0.0:
+        return 0.0 if np.isfinite(sizes).all() else math.inf
+    return math.copysign(float(np.prod(sizes[:2])), float(np.prod(np.array(values) / np.abs(values)).real))
+
+
+def _products(multipliers: Sequence[complex]) -> NDArray[np.complex128]:
+    """Return the products of all pairs."""
+    with np.errstate(invalid="ignore"):  # one is infinite at a graze
+        return np.asarray(np.outer(multipliers, multipliers)[np.triu_indices(len(multipliers), 1)])
+
+
+TESTS: dict[str, Any] = {  # of all multipliers of a cycle: zero at a bifurcation
+    FOLD: lambda multipliers: _nearest_zero([1.0 - value for value in multipliers]),
+    DOUBLING: lambda multipliers: _nearest_zero([1.0 + value for value in multipliers]),
+    TORUS: lambda multipliers: _nearest_zero(1.0 - _products(multipliers)) if len(multipliers) > 2 else 1.0,
+}

@@ -37,13 +37,13 @@ from vibroimpact.continuation.equations import (
     LEAST,
     NUDGE,
     REPEATED,
+    TESTS,
     TORUS,
     TOUCH,
     Equations,
     Range,
 )
 from vibroimpact.continuation.grazes import gaining, losing, meeting
-from vibroimpact.continuation.multipliers import TESTS
 from vibroimpact.orbits.cycle import Cycle, cycle_of
 from vibroimpact.orbits.equations import TURN
 from vibroimpact.orbits.events import GRAZE, LET_GO, PUSH_AGAIN, Event, Nearest
