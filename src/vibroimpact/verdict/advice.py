@@ -21,10 +21,9 @@ from vibroimpact.coexistence.final import LATE, irregular, rests
 from vibroimpact.coexistence.measuring import EQUAL, Measured, Runner, carried, orbit_cells, spread_cells
 from vibroimpact.motion import MotionClass
 from vibroimpact.orbits.search import search_of
-from vibroimpact.verdict.brackets import ANY, CANDIDATES, ENDS, Bracket, Line, rounded
 from vibroimpact.verdict.branches import Branches, present_orbits
 from vibroimpact.verdict.present import Coexisting, Present
-from vibroimpact.verdict.ranges import PLACES, Range
+from vibroimpact.verdict.ranges import ANY, CANDIDATES, ENDS, PLACES, Bracket, Line, Range, rounded
 
 FINER, HALVINGS = 2, 6  # times that steps near the present value are halved; of the step in which the benefit begins
 NEARER = PLACES // 3  # of these are looked at first
@@ -242,12 +241,10 @@ def _look_along(lines: Sequence[Line], trials: Trials) -> None:
     Windows with a benefit may be narrower than the steps; near the present value they matter most. Beyond several
     values with a benefit, only the end of impacts matters.
     """
-    paths, any_benefit = [line.values for line in lines], [ANY for _ in lines]
-    for line in lines:
-        line.values = []
-    _look(lines, [path[:NEARER] for path in paths], any_benefit, trials)
+    any_benefit = [ANY for _ in lines]
+    _look(lines, [line.path[:NEARER] for line in lines], any_benefit, trials)
     wanted = [ENDS if _enough(line, lines) else ANY for line in lines]
-    _look(lines, [path[NEARER:] for path in paths], wanted, trials)
+    _look(lines, [line.path[NEARER:] for line in lines], wanted, trials)
     for _ in range(FINER):
         midpoints = [line.midpoints(_first_change(line.range, lines))[: PLACES // 4] for line in lines]
         _look(lines, midpoints, any_benefit, trials)

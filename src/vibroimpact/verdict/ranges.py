@@ -1,10 +1,10 @@
-"""The range over which each parameter is varied, and the scale of its changes."""
+"""The range over which each parameter is varied, the scale of its changes, and where along it a benefit begins."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -17,6 +17,8 @@ PLACES = 36  # values along a path, at least
 CROWDED = 1.5  # values along a path lie at (j/n)^1.5 of its way: a near boundary matters more than a far one
 FARTHEST = 1000.0  # how many times a parameter may be varied, at most
 TRIALS = 24  # bisections of a range whose end is no design of a family
+CANDIDATES = 6  # values beyond the first good one at which advice is tested
+ANY, ENDS = ("softer", "no_chaos", "no_impact"), ("no_impact",)  # benefits that are looked for
 
 
 @dataclass(frozen=True)
@@ -146,3 +148,76 @@ def check_within(within: float) -> float:
     """Return the range over which parameters are varied, relative to their present values."""
     hint = "3 varies from a quarter to fourfold"
     return Parameter("within", "range", low=0.0, high=FARTHEST, closed=False, hint=hint).check(within)
+
+
+@dataclass
+class Line:
+    """The path from the present value to one end of a range, the values looked at so far, and the benefit at each.
+
+    The nearest come first.
+    """
+
+    range: Range
+    path: list[float]
+    values: list[float] = field(default_factory=list)
+    benefits: list[str] = field(default_factory=list)
+
+    def first(self, wanted: Sequence[str]) -> int | None:
+        """Return the index of the first value with a benefit that the next value has too; None if there is none."""
+        good = [benefit in wanted for benefit in self.benefits]
+        pairs = zip(good, [*good[1:], good[-1]], strict=True)
+        return next((place for place, (value, neighbour) in enumerate(pairs) if value and neighbour), None)
+
+    def bracket(self, wanted: tuple[str, ...]) -> Bracket | None:
+        """Return the step in which benefits begin, and the values beyond that have them; None if there are none."""
+        first = self.first(wanted)
+        if first is None:
+            return None
+        outwards = zip(self.values[first:], self.benefits[first:], strict=True)
+        further = [value for value, benefit in outwards if benefit in wanted][:CANDIDATES]
+        inside = self.values[first - 1] if first else self.range.value
+        return Bracket(self.range, wanted, inside, self.values[first], further)
+
+    def midpoints(self, change: float) -> list[float]:
+        """Return values midway between neighbours that do not both have a benefit, for changes below `change`."""
+        ends = zip([self.range.value, *self.values], ["", *self.benefits], strict=True)
+        return [
+            self.range.between(inner, outer, 0.5)
+            for (inner, inner_benefit), (outer, outer_benefit) in pairwise(ends)
+            if abs(self.range.change(inner)) < change and not (inner_benefit and outer_benefit)
+        ]
+
+    def add(self, values: Sequence[float], benefits: Iterable[str]) -> None:
+        """Add values and the benefits there."""
+        pairs = [*zip(self.values, self.benefits, strict=True), *zip(values, benefits, strict=True)]
+        pairs.sort(key=lambda pair: abs(self.range.change(pair[0])))
+        self.values, self.benefits = [value for value, _ in pairs], [benefit for _, benefit in pairs]
+
+
+@dataclass
+class Bracket:
+    """The step of a line in which the wanted benefits begin, and values further on that have them."""
+
+    range: Range
+    wanted: tuple[str, ...]
+    inside: float
+    outside: float
+    further: list[float]
+
+    def candidates(self) -> list[float]:
+        """Return rounded values, the smallest change first."""
+        outwards = 1 if self.outside > self.range.value else -1
+        values = [rounded(value, self.range, outwards) for value in (self.outside, *self.further)]
+        return [rounded(self.outside, self.range, 0), *values]
+
+
+def rounded(value: float, varied: Range, outwards: int) -> float:
+    """Return a value whose change has two significant digits, rounded outwards or (0) to nearest, inside its range.
+
+    The change is relative to the scale, so advice does not depend on units.
+    """
+    change = varied.change(value)
+    power = math.floor(math.log10(abs(change)) - 1.0)
+    steps = change / 10.0**power - outwards * 1e-9
+    whole = round(steps) if not outwards else math.ceil(steps) if outwards > 0 else math.floor(steps)
+    return min(max(varied.value + float(f"{whole}e{power}") * varied.scale, varied.low), varied.high)
