@@ -195,14 +195,10 @@ def _settled(search: Search, hits: _Hits, n: int, p: int) -> Orbits:
         message = f"the motion from `near` repeats after {p} impacts; orbits of up to {IMPACTS} are solved for"
         return Orbits(outcome="not_converged", message=message)
     if p > 0 and not hits.rests(p):
-        return _solved(search, hits, _smallest(hits, n, p))
+        # A part of the cycle is enough if all its parts are alike.
+        n, p = smallest_cycle(n, hits.part(0, p), hits.samples.impact_stop[:p], tolerance=ALIKE)
+        return _solved(search, hits, _Return(0.0, 0, p, n))
     return search.from_motion(hits.cell, 0, n, -1)
-
-
-def _smallest(hits: _Hits, n: int, p: int) -> _Return:
-    """Return the first return of a settled motion: after a part of the cycle if all its parts are alike."""
-    n, p = smallest_cycle(n, hits.part(0, p), hits.samples.impact_stop[:p], tolerance=ALIKE)
-    return _Return(0.0, 0, p, n)
 
 
 def _solved(search: Search, hits: _Hits, back: _Return) -> Orbits:
