@@ -4,7 +4,7 @@ A motion that is chaotic over the 5000 impacts of a map may be a transient, and 
 still settle to one: both are continued.
 
 A rest at the stop erases the memory of one mass. But if perturbations grow by more than 1e13 before the next rest
-(`motion.UNRESOLVED`), rounding determines the cycle from release to release. The final motion is then found from
+(`recognition.UNRESOLVED`), rounding determines the cycle from release to release. The final motion is then found from
 releases perturbed by up to 1e-11 V: motions that rest again are released again, and the motion to which most of the
 others lead is taken. It is intermittent sticking only if all of them rest again, time after time, for 1e5 impacts.
 """

@@ -287,7 +287,7 @@ class Cycle:
             stay, back = dq + flight.damp * q, -flight.stiff * q
             a, b, c, d = stay * a + q * c, stay * b + q * d, back * a + dq * c, back * b + dq * d
             v = float(z[p + (i + 1) % p])
-            # `neighbours.separations` has the same saltation; its forces round as (f sin - k g)/m, not as here.
+            # `recognition.separations` has the same saltation; its forces round as (f sin - k g)/m, not as here.
             # y'' = -u'' just before (y' = v) and just after (y' = -r v).
             before, after = -flight.bend(TURN * end, 0.0, -v), -flight.bend(TURN * end, 0.0, r * v)
             kick = (after + r * before) / v if v else math.inf

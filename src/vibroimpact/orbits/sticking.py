@@ -23,7 +23,7 @@ from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.recorder import END, MEMORY, Recorder, begin, record
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator, the_oscillator
-from vibroimpact.motion.neighbours import resolved
+from vibroimpact.motion.recognition import resolved
 from vibroimpact.options import Tolerances
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit, family_of
