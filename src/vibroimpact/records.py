@@ -23,9 +23,8 @@ from vibroimpact.dataset import model_from, plain_variable
 from vibroimpact.families import Family, ready_made
 from vibroimpact.files import RECORD
 from vibroimpact.model import State, is_model
-from vibroimpact.orbits.labelled import orbits_dataset
 from vibroimpact.orbits.orbit import Orbit, Rest
-from vibroimpact.orbits.results import Orbits
+from vibroimpact.orbits.results import Orbits, orbits_dataset
 from vibroimpact.orbits.systems import Contact
 from vibroimpact.parameters import invalid
 from vibroimpact.status import Status

@@ -8,7 +8,7 @@ from numpy.polynomial import legendre
 
 import vibroimpact as vi
 from systems import CONTACT, drawn, linear, on_springs
-from vibroimpact.orbits.labelled import orbits_dataset
+from vibroimpact.orbits.results import orbits_dataset
 from witness import follow
 
 NODES, WEIGHTS = legendre.leggauss(10)

@@ -27,7 +27,7 @@ from systems import two_masses, two_sided
 from vibroimpact import files
 from vibroimpact.dataset import bundle, impact_speed, model_of, provenance, status_variable, variable
 from vibroimpact.files import formats
-from vibroimpact.orbits.labelled import orbits_dataset
+from vibroimpact.orbits.results import orbits_dataset
 from vibroimpact.report import sentences_of
 
 OSC = vi.ImpactOscillator(omega=2.8)

@@ -63,7 +63,7 @@ def orbit(options: Options) -> None:
     arguments = (
         {"n_periods": options.value("n_periods"), **arguments} if "stops" in arguments else _type(options) | arguments
     )
-    from vibroimpact.orbits.labelled import orbits_dataset
+    from vibroimpact.orbits.results import orbits_dataset
 
     output.hand_on(orbits_dataset(orbits, study.model, arguments), options, clock() - began)
 

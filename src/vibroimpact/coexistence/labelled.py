@@ -10,7 +10,7 @@ import numpy as np
 from vibroimpact.coexistence.attractor import Attractor
 from vibroimpact.dataset import dataset_of, flags, impact_speed, plain_variable, provenance, status_variable, variable
 from vibroimpact.motion import MotionClass
-from vibroimpact.orbits.labelled import rows_of
+from vibroimpact.orbits.results import rows_of
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -23,8 +23,8 @@ from vibroimpact.dataset import (
 from vibroimpact.indices import DISPLACEMENTS, EVERY
 from vibroimpact.model import Model
 from vibroimpact.model.units import DISPLAY, display, displayed_text
-from vibroimpact.orbits.labelled import number, orbit_variables
 from vibroimpact.orbits.orbit import SPLIT
+from vibroimpact.orbits.results import number, orbit_variables
 from vibroimpact.orbits.systems.response import Response, response_of
 from vibroimpact.parameters import ENERGY, counted, labelled, parameter_of, with_unit
 from vibroimpact.showing import Shown, Table
