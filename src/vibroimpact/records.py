@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.coexistence.attractor import Attractor
-from vibroimpact.coexistence.labelled import attractors_dataset
+from vibroimpact.coexistence.attractor import Attractor, attractors_dataset
 from vibroimpact.continuation.results import BifurcationPoint, Boundary, Branch
 from vibroimpact.dataset import model_from, plain_variable
 from vibroimpact.families import Family, ready_made

@@ -1,4 +1,4 @@
-"""Attractors: the properties of each in a result, and the initial conditions that lead to it."""
+"""Attractors: the properties of each, also as a labelled dataset, and the initial conditions that lead to it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,15 +15,22 @@ from vibroimpact.backends.base import Counts
 from vibroimpact.coexistence.measuring import QUIET
 from vibroimpact.coexistence.settling import Settled
 from vibroimpact.coexistence.striking import SAME, SettledMotion, sampled, striking
+from vibroimpact.dataset import dataset_of, flags, impact_speed, plain_variable, provenance, status_variable, variable
 from vibroimpact.model import Model, State
-from vibroimpact.motion import Motion
+from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.orbits import Orbit, find_orbit, same_orbit
 from vibroimpact.orbits.orbit import family_of
+from vibroimpact.orbits.results import rows_of
 from vibroimpact.orbits.systems.response import steady_motion
 from vibroimpact.showing import Shown, Table
 from vibroimpact.status import Status
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 STEADY = 1000  # driving periods after which a motion in permanent contact is steady
+DIM = "attractor_id"
+STATISTICS = ("std", "mean_velocity", "max_velocity", "lyapunov", "n_periods", "n_impacts", "dissipation")
 
 
 @dataclass(frozen=True, repr=False)
@@ -237,3 +245,36 @@ def _reached(basin: Basin, settled: Settled, counted: int) -> Attractor:
         transient_impacts=int(settled.indices["impacts"][members].max()),
         transient_velocity=float(settled.passing[members].max()),
     )
+
+
+def attractor_variables(attractors: Sequence[Attractor]) -> dict[str, xr.Variable]:
+    """Return the properties of each attractor."""
+    share = {"long_name": "share of the initial conditions", "units": "1", "symbol": "share"}
+    return {
+        DIM: plain_variable(DIM, np.arange(len(attractors), dtype=np.int16), {"long_name": "attractor"}),
+        "share": plain_variable(DIM, np.array([each.share for each in attractors], float), share),
+        **{
+            name: variable(
+                name,
+                DIM,
+                np.array([getattr(each, name) for each in attractors], np.int32 if name[:2] == "n_" else np.float64),
+            )
+            for name in STATISTICS
+        },
+    }
+
+
+def attractors_dataset(attractors: Sequence[Attractor]) -> xr.Dataset:
+    """Return the result of `attractors` as a dataset over `attractor_id` and `impact`, rows padded with NaN."""
+    model, dims = attractors[0].model, (DIM, "impact")
+    if model is None:
+        raise ValueError("an attractor without a `model` cannot be saved; give one that `attractors` returned")
+    longest = max(len(each.velocities) for each in attractors)
+    kinds = [MotionClass[each.kind.upper()] for each in attractors]
+    content = attractor_variables(attractors) | {
+        "kind": flags(DIM, kinds, "kind of motion", [kind.word for kind in MotionClass]),
+        "velocity": impact_speed(dims, rows_of([each.velocities for each in attractors], longest)),
+        "phase": variable("phase", dims, rows_of([each.phases for each in attractors], longest)),
+        "status": status_variable(DIM, [each.status for each in attractors]),
+    }
+    return dataset_of(content, attrs=provenance("attractors", model, {}))

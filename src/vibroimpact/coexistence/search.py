@@ -13,8 +13,15 @@ from numpy.typing import ArrayLike
 
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
 from vibroimpact.cells import Floats
-from vibroimpact.coexistence.attractor import Attractor, Basin, distinct_names, match
-from vibroimpact.coexistence.labelled import STATISTICS, attractor_variables
+from vibroimpact.coexistence.attractor import (
+    DIM,
+    STATISTICS,
+    Attractor,
+    Basin,
+    attractor_variables,
+    distinct_names,
+    match,
+)
 from vibroimpact.coexistence.measuring import (
     SPREAD,
     Measured,
@@ -33,6 +40,7 @@ from vibroimpact.indices import INDICES
 from vibroimpact.model import Model, State, check_model
 from vibroimpact.motion import MotionClass
 from vibroimpact.options import Sampling, Tolerances
+from vibroimpact.orbits.results import rows_of
 from vibroimpact.parameters import check_steps
 from vibroimpact.progress import Report, reporter
 from vibroimpact.request import COSTLY
@@ -342,13 +350,8 @@ def _points(runner: Runner, plane: Plane, basins: Sequence[Basin]) -> dict[str, 
     """
     portraits = [_points_of(runner, plane, basin.attractor) for basin in basins]
     longest = max((len(next(iter(points.values()))) for points in portraits), default=0)
-    columns = {}
-    for axis in plane.axes:
-        rows = np.full((len(basins), longest), np.nan)
-        for row, points in zip(rows, portraits, strict=True):
-            row[: len(points[axis])] = points[axis]
-        columns[f"point_{axis}"] = plane.labelled(axis, ("attractor_id", "point"), rows)
-    return columns
+    tables = {axis: rows_of([points[axis] for points in portraits], longest) for axis in plane.axes}
+    return {f"point_{axis}": plane.labelled(axis, (DIM, "point"), table) for axis, table in tables.items()}
 
 
 def _points_of(runner: Runner, plane: Plane, attractor: Attractor) -> dict[str, Floats]:
