@@ -28,8 +28,7 @@ from vibroimpact.continuation.results import BifurcationPoint, Branch, course
 from vibroimpact.orbits.admissibility import ROUNDING
 from vibroimpact.orbits.equations import Floats
 from vibroimpact.orbits.orbit import Orbit
-from vibroimpact.orbits.resting import resting_orbits
-from vibroimpact.orbits.sticking_end import KIND, ending
+from vibroimpact.orbits.sticking_end import KIND, ending, resting_orbits
 from vibroimpact.parameters import ENERGY, invalid, truth
 from vibroimpact.progress import Report, reporter
 from vibroimpact.request import units_of

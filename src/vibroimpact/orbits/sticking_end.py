@@ -22,6 +22,7 @@ complete chattering", Nonlinear Dynamics 58 (2009) 85-106.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,7 +31,6 @@ from vibroimpact.model.oscillator import ImpactOscillator
 from vibroimpact.model.units import check_pair
 from vibroimpact.motion import cycle_name
 from vibroimpact.options import Tolerances
-from vibroimpact.orbits.resting import resting_orbits
 from vibroimpact.orbits.search import find_orbit
 from vibroimpact.orbits.sticking import LONGEST, from_release, periods_from_release, sticking_orbit
 from vibroimpact.orbits.systems.sticking import periods_from_rest
@@ -42,6 +42,8 @@ MET = 1e-7  # largest (stuck time / T)^(1/e): usually 1e-16, 1e-8 near a graze, 
 FOLDS = 1e-3  # by which the distance of a multiplier from 1 falls up to a fold, as the square root of that of the value
 STEP = 0.02  # of the interval between two values: longest step to the next orbit of a system
 LIFTED = 1e-6  # of f: a preload closer to f than this counts as one that the force never overcomes
+NEAREST = 2.0**-52  # of a value: steps are halved down to neighbouring floating-point numbers
+SUDDEN = 0.05  # largest change per step, in time at rest over T or of the hardest impact
 
 
 def scaling_exponent(restitution: float) -> float:
@@ -213,6 +215,39 @@ def _followed(model: Model, parameter: str, inside: float, outside: float, n_per
     else:
         outcome = "found"
     return StickingEnd(orbit.oscillator, parameter, value, n_periods, fraction, missed, outcome, message, orbit)
+
+
+def resting_orbits(orbit: Any, parameter: str, goal: float, longest: float) -> Iterator[Any]:
+    """Yield an orbit and the next ones towards another value of a parameter, as long as they rest at a stop.
+
+    Steps have the length `longest` and are halved wherever no orbit is found near the last one, down to neighbouring
+    floating-point numbers.
+    """
+    value, step, easy = orbit.value(parameter), longest, True
+    finest = NEAREST * max(abs(value), abs(goal))
+    yield orbit
+    while value != goal and step >= finest:
+        further = goal if abs(goal - value) <= step else value + step * (1.0 if goal > value else -1.0)
+        model = orbit.model.replace(**{parameter: further})
+        found = find_orbit(model, n_periods=orbit.n_periods, n_impacts=-1, near=orbit)
+        if not found or _change(orbit, found[0]) > SUDDEN:
+            step, easy = 0.5 * min(step, abs(goal - value)), False
+            continue
+        value, orbit = further, found[0]
+        yield orbit
+        step, easy = min(longest, 2.0 * step) if easy else step, True
+
+
+def _change(one: Any, other: Any) -> float:
+    """Return the change between two orbits, in time at rest over T or relative to their hardest impacts.
+
+    With one coordinate a rest erases all memory, so no other orbit rests at the same stops.
+    """
+    if one.oscillator.coordinates == 1 and {rest.stop for rest in one.rests} == {rest.stop for rest in other.rests}:
+        return 0.0
+    rested = abs(one.stuck_time / one.oscillator.period - other.stuck_time / other.oscillator.period)
+    hardest = max(one.velocities), max(other.velocities)
+    return float(max(rested, 1.0 - min(hardest) / max(hardest)))
 
 
 def ending(orbit: Any, before: Any) -> tuple[str, float]:
