@@ -84,7 +84,7 @@ def beside(curve, at, osc, distance):
     """Return the orbits beside one on a boundary; at a fold two of them leave it along the null vector."""
     cycle, z = solution_of(at)
     rows, columns = cycle.scales(at.oscillator, max(at.velocities))
-    matrix = cycle.jacobian(parameters_of(at.oscillator), z) * columns / rows[:, None]
+    matrix = cycle.linearised(parameters_of(at.oscillator), z)[1] * columns / rows[:, None]
     null = np.linalg.svd(matrix)[2][-1] * columns
     sizes = [side * part * math.sqrt(distance) for part in (0.1, 0.3, 1.0, 3.0) for side in (-1, 1)]
     for size in sizes if curve.kind == "fold" else [0.0]:

@@ -151,11 +151,6 @@ def _hits_as(orbit: Orbit, attractor: Attractor) -> bool:
     return same_orbit(orbit, attractor, tolerance=SAME)
 
 
-def distinct_names(attractors: Sequence[Attractor]) -> list[str]:
-    """Return the attractors' names, followed by a letter if several have the same name."""
-    return distinct([attractor.name for attractor in attractors])
-
-
 def distinct(names: Sequence[str]) -> list[str]:
     """Return names, followed by a letter where several are the same."""
     return [

@@ -13,15 +13,7 @@ from numpy.typing import ArrayLike
 
 from vibroimpact.backends import Cells, ImpactWindow, StroboscopicWindow
 from vibroimpact.cells import Floats
-from vibroimpact.coexistence.attractor import (
-    DIM,
-    STATISTICS,
-    Attractor,
-    Basin,
-    attractor_variables,
-    distinct_names,
-    match,
-)
+from vibroimpact.coexistence.attractor import DIM, STATISTICS, Attractor, Basin, attractor_variables, distinct, match
 from vibroimpact.coexistence.measuring import (
     SPREAD,
     Measured,
@@ -298,7 +290,7 @@ def basins(
     numbers = np.full(len(cells), -1)
     for at, basin in enumerate(reached):
         numbers[basin.members] = at
-    names = ["undecided", *distinct_names([basin.attractor for basin in reached])]
+    names = ["undecided", *distinct([basin.attractor.name for basin in reached])]
     over_grid = {
         "attractor": flags(
             dims, numbers.reshape(shape), "attractor that the initial condition leads to", names, -1, np.int16

@@ -159,7 +159,7 @@ class Flights(Equations):
     def flights_jacobian(self, x: Floats) -> Floats:
         """Return the scaled derivative of the flights' residuals with respect to turns and velocities."""
         rows, columns = self.scales
-        return self.cycle.jacobian(self.parameters(x), self.solution(x)) * columns / rows[:, None]
+        return self.cycle.linearised(self.parameters(x), self.solution(x))[1] * columns / rows[:, None]
 
     def sizes(self, x: Floats) -> Floats:
         """Return the change of each unknown that changes the flights by order one."""

@@ -253,10 +253,6 @@ class Cycle:
         late = [-rate - float(z[p + (i + 1) % p]) for i, (_, rate) in enumerate(ends)]
         return np.array([gap for gap, _ in ends] + late)
 
-    def jacobian(self, parameters: Parameters, z: Floats) -> Floats:
-        """Return the derivative of the residuals with respect to z."""
-        return self.linearised(parameters, z)[1]
-
     def linearised(self, parameters: Parameters, z: Floats) -> tuple[Floats, Floats]:
         """Return the residuals and their derivative: a flight depends only on its two ends and its initial velocity."""
         p, flight, period = self.n_impacts, flight_of(parameters), TURN / parameters[4]

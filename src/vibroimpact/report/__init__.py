@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.coexistence.attractor import distinct, distinct_names
+from vibroimpact.coexistence.attractor import distinct
 from vibroimpact.coexistence.losses import why_undecided
 from vibroimpact.dataset import arguments_of, bifurcation_name, flag_meanings, model_of, unbundle, varied_parameters
 from vibroimpact.indices import EVERY, shown_spread, spread_scale
@@ -280,7 +280,7 @@ def _attractors(dataset: xr.Dataset) -> Iterator[str]:
 
 def attractor_sentences(attractors: Sequence[Attractor], model: Model) -> Iterator[str]:
     """Yield the content of a list of attractors: one per line, with the share of the initial conditions."""
-    names = distinct_names(attractors)
+    names = distinct([attractor.name for attractor in attractors])
     rows = [(name, one.share, one.max_velocity, one.lyapunov) for name, one in zip(names, attractors, strict=True)]
     yield from _of_attractors(rows, model.at())
 

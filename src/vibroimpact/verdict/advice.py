@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -148,7 +149,7 @@ class Trials:
         motions: list[list[Measured]] = [[] for _ in designs]
         benefits = [""] * len(designs)
         remaining = list(range(len(designs)))
-        for initial in (self._at_rest_and_present, _scouts):
+        for initial in (self._at_rest_and_present, partial(spread_cells, number=SCOUTS)):
             cells = [initial(at_rest[at : at + 1]) for at in remaining]
             measured = iter(self.runner.glance(Cells.join(cells), SCAN) if cells else ())
             for at, part in zip(remaining, cells, strict=True):
@@ -201,10 +202,6 @@ class Trials:
         if of_one_impact := orbit_cells(search_of(design)):
             yield Cells.join(of_one_impact)
         yield from (cells[part] for part in others)
-
-
-def _scouts(cell: Cells) -> Cells:
-    return spread_cells(cell, SCOUTS)
 
 
 def advise(

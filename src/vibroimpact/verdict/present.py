@@ -7,7 +7,7 @@ from typing import Any
 
 from vibroimpact.backends import ImpactWindow, Samples
 from vibroimpact.coexistence import Attractor
-from vibroimpact.coexistence.attractor import distinct_names
+from vibroimpact.coexistence.attractor import distinct
 from vibroimpact.coexistence.final import Final, final_motion
 from vibroimpact.coexistence.losses import attracting_kinds
 from vibroimpact.coexistence.measuring import (
@@ -199,7 +199,8 @@ class Coexisting:
 def coexisting_motions(present: Present, runner: Runner) -> tuple[Coexisting, ...]:
     """Return the motions that `attractors` finds; the motion from rest is first, with share 0 if it is none of them."""
     attractors = attractors_by(runner, present.model)
-    motions = [_coexisting(*pair) for pair in zip(attractors, distinct_names(attractors), strict=True)]
+    names = distinct([attractor.name for attractor in attractors])
+    motions = [_coexisting(*pair) for pair in zip(attractors, names, strict=True)]
     possible = [i for i, attractor in enumerate(attractors) if _is_present(attractor, present)]
     if len(possible) > 1:  # several chaotic motions, also mirror images
         others = [attractors[at].start for at in possible]
