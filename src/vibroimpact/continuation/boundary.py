@@ -39,10 +39,11 @@ class NoBoundary(ValueError):
 
 
 class Plane(NamedTuple):
-    """Two parameters, and their ranges."""
+    """Two parameters and their ranges, with the units of ranges that were given as quantities in others."""
 
     names: tuple[str, str]
     box: tuple[Range, Range]
+    units: dict[str, str]
 
 
 def continue_boundary(
@@ -121,8 +122,7 @@ def continue_boundary(
     plane, longest = check_plane(point, parameters, ranges), check_share("step", step)
     virtual = truth("virtual", virtual)
     with reporter(progress, "points") as report:
-        curve = boundary_through(point, plane, longest, virtual, report)
-    return replace(curve, units=shown_units(point.orbit.model, parameters, ranges))
+        return boundary_through(point, plane, longest, virtual, report)
 
 
 def boundary_through(
@@ -134,7 +134,7 @@ def boundary_through(
     """
     walk: Callable[[float], Iterator[Way]]
     if isinstance(point, StickingEnd) or point.kind == KIND:
-        sticking = Sticking(point.orbit.model, *plane, point.orbit.n_periods, report)
+        sticking = Sticking(point.orbit.model, plane.names, plane.box, point.orbit.n_periods, report)
         longest = min(longest, LONGEST_STEP)
         walk = partial(sticking_curve, sticking, longest, most)
     else:
@@ -152,6 +152,7 @@ def boundary_through(
         outcome=ends,
         message="; ".join([course("curve", orbits, plane.names, ends), *filter(None, (back.why, on.why))]),
         arguments={"ranges": plane.box, "step": longest, "virtual": virtual},
+        units=plane.units,
     )
 
 
@@ -178,17 +179,13 @@ def check_box(model: Model, parameters: Any, ranges: Any, orbit: Orbit | None = 
     if len(box) != 2:
         raise invalid("ranges", ranges, "two pairs", "give ((lowest, highest), (lowest, highest))")
     first, second = (check_range(model, name, span, orbit) for name, span in zip(names, box, strict=True))
-    return Plane((names[0], names[1]), (first, second))
-
-
-def shown_units(model: Model, parameters: tuple[str, str], ranges: tuple[Range, Range]) -> dict[str, str]:
-    """Return the units of the checked ranges of a plane, where they were given as quantities in others."""
-    return units_of(dict(zip(parameters, ranges, strict=True)), model.parameters)
+    units = units_of(dict(zip(names, box, strict=True)), model.parameters)
+    return Plane((names[0], names[1]), (first, second), units)
 
 
 def _beginning(point: BifurcationPoint, plane: Plane) -> Point:
     """Return the point of a boundary at a bifurcation on a branch."""
-    once, z = equations_of(point.orbit, *plane)
+    once, z = equations_of(point.orbit, plane.names, plane.box)
     if point.kind == "pitchfork" and not once.cycle.images:
         model, spans = point.orbit.model, zip(plane.names, plane.box, strict=True)
         breaking = listed([name for name, span in spans if not images_along(model, (name,), (span,))] or [*plane.names])

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vibroimpact.continuation.boundary import NoBoundary, Plane, boundary_through, check_box, check_plane, shown_units
+from vibroimpact.continuation.boundary import NoBoundary, Plane, boundary_through, check_box, check_plane
 from vibroimpact.continuation.coverage import CELLS, Coverage, coverage, distances
 from vibroimpact.continuation.equations import Range
 from vibroimpact.continuation.following import UNKNOWN, check_share
@@ -155,7 +155,7 @@ def boundary_curves(
     """
     check_model(osc)
     possible = kinds_of(osc)
-    plane = names, box = check_box(osc, parameters, ranges)
+    plane = names, box, _ = check_box(osc, parameters, ranges)
     count, longest = whole_number("lines", lines, 2), check_share("step", step)
     periods = several("n_periods", USUAL if n_periods is None else n_periods, "a list of whole numbers")
     lengths = [whole_number("n_periods", n, 1) for n in periods]
@@ -176,8 +176,7 @@ def boundary_curves(
         if not going():
             raise _Stopped
 
-    units = shown_units(osc, parameters, ranges)
-    search = _Search(curves, plane, longest, look, wanted, attractors=n_periods is None, units=units)
+    search = _Search(curves, plane, longest, look, wanted, attractors=n_periods is None)
     with reporter(progress, "lines") as report, suppress(_Stopped):
         for n, along, value in work:
             line = osc.replace(**{names[1 - along]: value}), names[along], box[along], n
@@ -238,8 +237,7 @@ def curves_through(
         search: _Search | None = None
         for point in points:
             plane = check_plane(point, parameters, ranges)
-            units = shown_units(point.orbit.model, parameters, ranges)
-            search = search or _Search(curves, plane, longest, look, units=units)
+            search = search or _Search(curves, plane, longest, look)
             search.add(point)
     return curves
 
@@ -270,7 +268,6 @@ class _Search:
     look: Report
     kinds: Collection[str] = KINDS
     attractors: bool = False
-    units: dict[str, str] = field(default_factory=dict)
     followed: list[Boundary] = field(default_factory=list)
     map: Coverage | None = None
 
@@ -284,7 +281,6 @@ class _Search:
             if self.attractors and isinstance(point, StickingEnd):
                 longest, most = 2.0 * longest, ENOUGH
             curve = boundary_through(point, self.plane, longest, virtual=False, report=self.look, most=most)
-            curve = replace(curve, units=self.units)
             again = self._on_curve(curve.kind, curve.orbits)
             unstable = np.zeros(len(again), dtype=bool)
             if self.attractors and point.orbit is not None and not point.orbit.sticks:
@@ -318,7 +314,7 @@ class _Search:
         sought = [_type(kind, orbit) for orbit in orbits[:1]]
         alike = [curve for curve in self.followed if _type(curve.kind, curve.orbits[0]) in sought]
         stops = orbits[0].system.stop_names if alike else ()
-        images = images_along(orbits[0].model, *self.plane) if len(stops) > 1 else ()
+        images = images_along(orbits[0].model, self.plane.names, self.plane.box) if len(stops) > 1 else ()
         orders = [stops, tuple(stops[at] for at in images)] if images else [stops]  # of itself, and of its mirror image
         for curve, names in product(alike, orders):
             fastest = max(max(orbit.velocities, default=0.0) for orbit in curve.orbits)
