@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -142,10 +142,23 @@ def sizes(cycle: FreeCycle, z: Floats) -> Floats:
     return np.concatenate([np.full(p, z[-2] / TURN), np.full(len(z) - p - 2, largest), z[-2:]])
 
 
+class Corrected(NamedTuple):
+    """A solution of the equations of a cycle, the number of corrections, and the Jacobian before the last."""
+
+    z: Floats
+    number: int
+    matrix: Floats
+    cycle: FreeCycle
+
+    def member(self, along: Floats) -> Member:
+        """Return the solution with its tangent in the direction of `along`."""
+        return member(self.cycle, self.z, along, self.matrix)
+
+
 def corrected(
     cycle: FreeCycle, z: Floats, row: Floats, target: float | None = None, kept: Floats = NONE
-) -> tuple[Floats, int, Floats] | None:
-    """Return the solution near z with row . z as given (or its own), the number of corrections, and the Jacobian.
+) -> Corrected | None:
+    """Return the solution near z with row . z as given (or its own).
 
     The linear forms `kept` are 0 in it. None if Newton's method does not converge.
     """
@@ -157,7 +170,7 @@ def corrected(
             return None
         z, largest, matrix = after
         if largest < CLOSE or 0.5 * before < largest < ROUGH:
-            return z, number, matrix
+            return Corrected(z, number, matrix, cycle)
         before = largest
     return None
 
@@ -188,10 +201,10 @@ def correction(
     return z, largest, matrix
 
 
-def member(cycle: FreeCycle, z: Floats, matrix: Floats, along: Floats) -> Member:
-    """Return a solution with its tangent in the direction of `along`."""
+def member(cycle: FreeCycle, z: Floats, along: Floats, matrix: Floats | None = None) -> Member:
+    """Return a solution with its tangent in the direction of `along`, from the Jacobian there or near by."""
     columns = sizes(cycle, z)
-    tangent = np.linalg.svd(matrix * columns)[2][-1]
+    tangent = np.linalg.svd((misses(cycle, z)[1] if matrix is None else matrix) * columns)[2][-1]
     return Member(cycle, z, tangent * (1.0 if tangent @ (along / columns) >= 0.0 else -1.0))
 
 
@@ -204,4 +217,4 @@ def member_of(orbit: Orbit) -> Member:
     cycle = FreeCycle(whole.flow, 1, whole.events[:p], images, whole.pushing, span)
     state = unknown[len(whole.events) :]
     z = np.concatenate([unknown[:p] - unknown[0], state, [span, cycle.flow.energy(state, whole.pushing)[0]]])
-    return member(cycle, z, misses(cycle, z)[1], np.eye(len(z))[-1])
+    return member(cycle, z, np.eye(len(z))[-1])

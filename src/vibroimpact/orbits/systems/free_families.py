@@ -8,7 +8,7 @@ import numpy as np
 
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.systems.admissibility import objection
-from vibroimpact.orbits.systems.conserved import NONE, Member, corrected, member, misses, sizes
+from vibroimpact.orbits.systems.conserved import NONE, Member, corrected, member, sizes
 from vibroimpact.orbits.systems.grazes import (
     ALIKE,
     BORN,
@@ -55,7 +55,7 @@ def follow(
         done = corrected(current.cycle, ahead, current.tangent / columns, None, kept)
         following = None
         if done is not None:
-            following = member(current.cycle, done[0], done[2], current.tangent * columns)
+            following = done.member(current.tangent * columns)
             aside = np.abs((following.z - current.z) / columns - step * current.tangent).max()
             if following.tangent @ current.tangent < STRAIGHT or aside > step:
                 following = None
@@ -93,7 +93,7 @@ def follow(
             changes.append((current, following))
         current, beyond, halved = following, None, 0
         yield current, "", ""
-        step = min(longest, step * (GROWTH if done is not None and done[1] <= EASY else 1.0))
+        step = min(longest, step * (GROWTH if done is not None and done.number <= EASY else 1.0))
     yield current, "budget", f"{most} orbits were followed"
 
 
@@ -174,7 +174,7 @@ def at_energy(inside: Member, beyond: Member, joules: float) -> Member | None:
         number = 0 if found is None else len(found.cycle.events)
         if found is not None and np.abs((found.z[number:] - base.z[events:]) / columns[p:]).max() <= near:
             along = np.append(np.zeros(number), base.tangent[events:] * columns[p:])
-            return member(found.cycle, found.z, misses(found.cycle, found.z)[1], along)
+            return member(found.cycle, found.z, along)
     return None
 
 

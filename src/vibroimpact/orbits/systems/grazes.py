@@ -12,7 +12,7 @@ import numpy as np
 from vibroimpact.cells import Floats
 from vibroimpact.orbits.events import Event
 from vibroimpact.orbits.systems.admissibility import flown, objection
-from vibroimpact.orbits.systems.conserved import NONE, FreeCycle, Member, corrected, correction, member, misses, sizes
+from vibroimpact.orbits.systems.conserved import NONE, FreeCycle, Member, corrected, correction, member, sizes
 from vibroimpact.orbits.systems.guesses import occurrences
 
 BORN = 0.02  # radians of the fastest rate, or part of the largest speed: first contact or impact of a family
@@ -41,7 +41,7 @@ def begun(one: Member, first: int) -> Member:
     rotated, start = one.at.rotated(one.unknown, first)
     start[:p] -= start[0]
     z = np.append(start, one.z[-2:])
-    found = member(rotated, z, misses(rotated, z)[1], np.zeros(len(z)))
+    found = member(rotated, z, np.zeros(len(z)))
     sign = 1.0 if found.tangent[-2:] @ one.tangent[-2:] >= 0.0 else -1.0
     return replace(found, tangent=sign * found.tangent)
 
@@ -99,7 +99,7 @@ def solved(cycle: FreeCycle, z: Floats, aim: Floats, target: float, kept: Floats
         row = np.append(np.zeros(p), aim)
         done = corrected(cycle, z, row, target, kept)
         if done is not None:
-            found = member(cycle, done[0], done[2], row * sizes(cycle, done[0]) ** 2)
+            found = done.member(row * sizes(cycle, done.z) ** 2)
             if followed(found):
                 return found
         after = done or correction(cycle, z, row, target)
@@ -223,7 +223,7 @@ def gained(passed: Member) -> Member | None:
             target = size * float(np.abs(start[p + flow.n :]).max())
         start[:p] -= start[0]
         done = corrected(longer, np.append(start, passed.z[-2:]), row, target)
-        if done is not None and followed(found := member(longer, done[0], done[2], row)):
+        if done is not None and followed(found := done.member(row)):
             return found
         size *= 0.5
     return None
@@ -259,17 +259,17 @@ def shed(passed: Member, step: float) -> Member | None:
     left = [at for at in range(p) if (at + kept[0]) % p not in gone]
     new = replace(turned_cycle, events=tuple(turned_cycle.events[at] for at in left))
     z = np.concatenate([start[left] - start[0], start[p:], passed.z[-2:]])
-    beside = member(new, z, misses(new, z)[1], np.zeros(len(z)))
+    beside = member(new, z, np.zeros(len(z)))
     columns = sizes(new, z)
     done = corrected(new, z, beside.tangent / columns)
-    if done is None or np.abs((done[0] - z) / columns).max() > max(AROUND, MORE * step):
+    if done is None or np.abs((done.z - z) / columns).max() > max(AROUND, MORE * step):
         return None
-    graze = member(new, done[0], done[2], np.zeros(len(z)))
+    graze = done.member(np.zeros(len(z)))
     for size in BESIDE:
         ways = []
         for tangent in (graze.tangent, -graze.tangent):
             done = corrected(new, graze.z + size * columns * tangent, tangent / columns)
-            if done is not None and followed(found := member(new, done[0], done[2], tangent * columns)):
+            if done is not None and followed(found := done.member(tangent * columns)):
                 ways.append(found)
         if len(ways) == 1:
             return ways[0]

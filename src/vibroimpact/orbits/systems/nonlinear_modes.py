@@ -17,7 +17,7 @@ from vibroimpact.orbits.events import LET_GO, Event
 from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.results import Orbits
 from vibroimpact.orbits.symmetry import mirror
-from vibroimpact.orbits.systems.conserved import FreeCycle, Member, corrected, member
+from vibroimpact.orbits.systems.conserved import FreeCycle, Member, corrected
 from vibroimpact.orbits.systems.free_families import at_energy, follow, located, simultaneous
 from vibroimpact.orbits.systems.grazes import BORN, LONGEST, followed, recast
 from vibroimpact.parameters import counted, hertz, invalid, real_number, whole_number
@@ -131,7 +131,7 @@ def born(system: ImpactSystem, at: int, size: float = BORN) -> Member | None:
     else:
         row[p + flow.n : -2] = flow.beta[stop]
     done = corrected(cycle, z, row)
-    found = None if done is None else member(cycle, done[0], done[2], row)
+    found = None if done is None else done.member(row)
     if found is not None and not followed(found):
         found = recast(found, LONGEST)
     return born(system, at, SHORTER * half) if found is None and half > SMALLEST else found
