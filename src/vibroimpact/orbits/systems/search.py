@@ -71,7 +71,7 @@ class SystemSearch(Search):
         if guess.only_numbers:
             raise invalid("near", guess.near, "an orbit or an attractor of a system, or a State")
         if n_impacts == -1:
-            return find_sticking(self.model, n_periods, guess)
+            return find_sticking(self, n_periods, guess)
         if guess.stops and len(guess.stops) != n_impacts:
             hint = f"or give n_impacts={len(guess.stops)}"
             raise invalid("near", guess.orbit.name, f"an orbit of {n_impacts} impacts", hint)
@@ -111,7 +111,7 @@ class SystemSearch(Search):
         (samples,) = get_backend("cpu").samples(cell, Measurement(ImpactWindow(skipped, 1)))
         guess = Guess.of(samples.last_state(self.design.period))
         if n_impacts == -1:
-            return find_sticking(self.model, n_periods, guess)
+            return find_sticking(self, n_periods, guess)
         return self._from_near(n_periods, n_impacts, guess)
 
     def state_of(self, guess: Guess) -> State | None:
@@ -162,7 +162,7 @@ class SystemSearch(Search):
         orbits = [orbit for orbit in symmetric if orbit.admissible]
         settled = [orbit for orbit in self._from_rest(n_periods, n_impacts) if orbit.admissible]
         orbits += [orbit for orbit in settled if not any(same_orbit(orbit, other) for other in orbits)]
-        resting = [] if orbits else find_sticking(self.model, n_periods, NOTHING)
+        resting = [] if orbits else find_sticking(self, n_periods, NOTHING)
         orbits += [orbit for orbit in resting if orbit.n_impacts == n_impacts]
         if orbits:
             return ordered(orbits)

@@ -19,7 +19,7 @@ import numpy as np
 from vibroimpact.backends import Measurement, StroboscopicWindow, get_backend
 from vibroimpact.backends.modal.carry import Carrier
 from vibroimpact.cells import Floats
-from vibroimpact.model import Model, State
+from vibroimpact.model import State
 from vibroimpact.model.elements import Contact
 from vibroimpact.model.system import ImpactSystem
 from vibroimpact.motion import cycle_name
@@ -31,7 +31,7 @@ from vibroimpact.orbits.equations import SAME, TURN
 from vibroimpact.orbits.flow import Flow
 from vibroimpact.orbits.newton import Solved
 from vibroimpact.orbits.orbit import Orbit, Rest, at_rest, family_of, phases_of
-from vibroimpact.orbits.results import Guess, Orbits, lost, ordered, other_name
+from vibroimpact.orbits.results import Guess, Orbits, Search, lost, ordered, other_name
 from vibroimpact.parameters import invalid
 
 RETURNS = 100  # most driving periods of a cycle that is recognised in the motion from rest
@@ -54,9 +54,9 @@ class _History(NamedTuple):
     displacements: Floats
 
 
-def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits:
+def find_sticking(search: Search, n_periods: int, guess: Guess) -> Orbits:
     """Return the period-n orbit that rests at a stop, from an orbit or a state near it, or the motion from rest."""
-    system: ImpactSystem = model.at()
+    system: ImpactSystem = search.design
     if guess.orbit is not None:
         if len(guess.orbit.start.displacement) != system.coordinates:
             raise invalid("near", guess.orbit.name, f"an orbit of {system.coordinates} coordinates")
@@ -96,7 +96,7 @@ def find_sticking(model: Model, n_periods: int, guess: Guess) -> Orbits:
         return other_name(cycle_name(periods, -1), name)
     if guess.sticks:
         state = _quiet_state(history, carrier, state, system.period, n_periods)
-    orbit = _orbit(model, history, state, multipliers_of(derivative), n_periods)
+    orbit = _orbit(search, history, state, multipliers_of(derivative), n_periods)
     return ordered([orbit])
 
 
@@ -237,8 +237,8 @@ def _from_release(history: _History, names: tuple[str, ...], n_periods: int) -> 
     )
 
 
-def _orbit(model: Model, history: _History, state: State, multipliers: tuple[complex, ...], n_periods: int) -> Orbit:
-    system: ImpactSystem = model.at()
+def _orbit(search: Search, history: _History, state: State, multipliers: tuple[complex, ...], n_periods: int) -> Orbit:
+    system: ImpactSystem = search.design
     history = _from_release(history, system.stop_names, n_periods)
     whole, before = math.floor(history.times[0]), math.floor(state.time / system.period)
     turns = tuple((history.times - whole).tolist())
@@ -256,7 +256,7 @@ def _orbit(model: Model, history: _History, state: State, multipliers: tuple[com
         phases=phases_of(turns),
         start=replace(state, time=state.time + ((before - whole) % n_periods - before) * system.period),
         multipliers=multipliers,
-        family=family_of(model, system),
+        family=family_of(search.model, system),
         contacts=history.contacts,
         neutral=multipliers_of(Flow(system).drift(TURN * n_periods)),
         rests=rests,
