@@ -49,7 +49,7 @@ class _Return(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Hits:
+class Hits:
     """The first impacts of a motion: times in driving periods, speeds in m/s and numbers of stops; the rests."""
 
     cell: Any
@@ -57,11 +57,13 @@ class _Hits:
 
     @cached_property
     def samples(self) -> Any:
+        """The samples of all impacts that are kept."""
         (samples,) = get_backend("cpu").samples(self.cell, Measurement(ImpactWindow(0, self.keep)))
         return samples
 
     @cached_property
     def turns(self) -> Floats:
+        """The times of the impacts."""
         turns: Floats = self.samples.impact_turns
         return turns
 
@@ -129,7 +131,7 @@ def orbit_near(search: Search, state: State) -> Orbits:
     cell = design.cells({}, state)
     approached = Orbits() if design.forgets else _approached(search, cell)
     if approached:
-        return _nearest(search, _Hits(cell, 2 * PASSING + 1), approached, PASSING)[0]
+        return _nearest(search, Hits(cell, 2 * PASSING + 1), approached, PASSING)[0]
     outcome = get_backend("cpu").indices(cell, Measurement(WATCHED, indices=NAMING))
     growth, n, p = (float(outcome[name][0]) for name in NAMING)
     status, impacts = Status(int(outcome["status"][0])), int(outcome["impacts"][0])
@@ -138,18 +140,18 @@ def orbit_near(search: Search, state: State) -> Orbits:
     if not kind.hits and kind != MotionClass.UNDECIDED:
         why = Motion(kind.word, status=status).sentence(design.period)
         return Orbits(outcome="none", message=f"the motion from `near` ends without impacts: {why}")
-    first, settled = _Hits(cell, 2 * LONGEST + 1), Orbits()
+    first, settled = Hits(cell, 2 * LONGEST + 1), Orbits()
     if n:
-        settled = _settled(search, _Hits(_after(cell, impacts) or cell, max(int(p), 1) + 1), int(n), int(p))
+        settled = _settled(search, Hits(_after(cell, impacts) or cell, max(int(p), 1) + 1), int(n), int(p))
         if settled:
             settled.message = f"the motion from `near` settles to this {settled[0].name} orbit within {impacts} impacts"
     found, near = _nearest(search, first, settled, LONGEST)
     if n or near:
         return found
-    return _passed(search, _Hits(_after(cell, SEEN) or cell, SEEN), Motion(kind.word, status=status))
+    return _passed(search, Hits(_after(cell, SEEN) or cell, SEEN), Motion(kind.word, status=status))
 
 
-def _nearest(search: Search, first: _Hits, settled: Orbits, longest: int) -> tuple[Orbits, bool]:
+def _nearest(search: Search, first: Hits, settled: Orbits, longest: int) -> tuple[Orbits, bool]:
     """Return the orbit that the first impacts are on or near, if there is one, and True; else the settled one."""
     if settled and _distance(settled[0], first) <= ON:
         return ordered(settled), True
@@ -171,7 +173,7 @@ def _approached(search: Search, cell: Any) -> Orbits:
         if (cell := _after(cell, further)) is None:
             break
         skipped += further
-        hits = _Hits(cell, 2 * PASSING + 1)
+        hits = Hits(cell, 2 * PASSING + 1)
         for back in hits.returns(1, PASSING):
             found = _solved(search, hits, back)
             if found and found[0].stable and (distance := _distance(found[0], hits, back.at)) <= SETTLED:
@@ -189,7 +191,7 @@ def _after(cell: Any, impacts: int) -> Any:
     return cell.continuing(samples) if len(samples.impact_phase) else None
 
 
-def _settled(search: Search, hits: _Hits, n: int, p: int) -> Orbits:
+def _settled(search: Search, hits: Hits, n: int, p: int) -> Orbits:
     """Return the orbit of a motion that has settled, from the first impact of a cycle on."""
     if p > IMPACTS:
         message = f"the motion from `near` repeats after {p} impacts; orbits of up to {IMPACTS} are solved for"
@@ -198,21 +200,21 @@ def _settled(search: Search, hits: _Hits, n: int, p: int) -> Orbits:
         # A part of the cycle is enough if all its parts are alike.
         n, p = smallest_cycle(n, hits.part(0, p), hits.samples.impact_stop[:p], tolerance=ALIKE)
         return _solved(search, hits, _Return(0.0, 0, p, n))
-    return search.from_motion(hits.cell, 0, n, -1)
+    return search.from_motion(hits, 0, n, -1)
 
 
-def _solved(search: Search, hits: _Hits, back: _Return) -> Orbits:
+def _solved(search: Search, hits: Hits, back: _Return) -> Orbits:
     """Return the admissible orbit that Newton's method reaches from the impacts before a return."""
-    orbits = search.from_motion(hits.cell, back.at, back.n, back.p)
+    orbits = search.from_motion(hits, back.at, back.n, back.p)
     return orbits if orbits and orbits[0].admissible else Orbits(outcome=orbits.outcome, message=orbits.message)
 
 
-def _distance(orbit: Any, hits: _Hits, at: int = 0) -> float:
+def _distance(orbit: Any, hits: Hits, at: int = 0) -> float:
     """Return the distance of an orbit from the impacts of a motion from one on."""
     return orbit_distance(orbit, hits.part(at, len(orbit.velocities)))
 
 
-def _passed(search: Search, hits: _Hits, motion: Motion) -> Orbits:
+def _passed(search: Search, hits: Hits, motion: Motion) -> Orbits:
     """Return the orbit that a motion which does not repeat comes closest to, of those of its closest returns."""
     what = f"the motion from `near` is {motion.sentence(search.design.period)}"
     for back in hits.returns(SEEN, PASSING):

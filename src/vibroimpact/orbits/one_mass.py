@@ -11,10 +11,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from vibroimpact.backends import Cells, ImpactWindow, Measurement, Samples, get_backend
+from vibroimpact.backends import ImpactWindow, Measurement, Samples, get_backend
 from vibroimpact.backends.scalar import outlast
 from vibroimpact.model import Model, State
 from vibroimpact.model.oscillator import ImpactOscillator
@@ -82,12 +83,11 @@ class OneMassSearch(Search):
         turns, speeds = samples.impact_turns[span], samples.impact_velocity[span]
         return self._from(Cycle(n_periods, len(speeds)), np.append(turns - math.floor(turns[0]), speeds))
 
-    def from_motion(self, cell: Cells, skipped: int, n_periods: int, n_impacts: int) -> Orbits:
+    def from_motion(self, hits: Any, skipped: int, n_periods: int, n_impacts: int) -> Orbits:
         """Return the orbit that Newton's method reaches from impacts of a motion, or the one that sticks."""
         if n_impacts == -1:
             return self.of_type(n_periods, -1)
-        (samples,) = get_backend("cpu").samples(cell, Measurement(ImpactWindow(skipped, n_impacts)))
-        return self.of_cycle(n_periods, samples, slice(None))
+        return self.of_cycle(n_periods, hits.samples, slice(skipped, skipped + n_impacts))
 
     def state_of(self, guess: Guess) -> State:
         """Return the state of a guess, at an impact where that is given as numbers."""

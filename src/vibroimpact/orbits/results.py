@@ -103,8 +103,8 @@ class Search(ABC):
         """Return the orbits near a motion that has settled, from the impacts of one cycle in its samples."""
 
     @abstractmethod
-    def from_motion(self, cell: Any, skipped: int, n_periods: int, n_impacts: int) -> Orbits:
-        """Return the orbit that Newton's method reaches from the motion of a cell after some impacts."""
+    def from_motion(self, hits: Any, skipped: int, n_periods: int, n_impacts: int) -> Orbits:
+        """Return the orbit that Newton's method reaches from a motion, given by `Hits`, after some of its impacts."""
 
     @abstractmethod
     def state_of(self, guess: Guess) -> State | None:

@@ -106,9 +106,9 @@ class SystemSearch(Search):
         except ValueError:  # the motion does not repeat these impacts
             return Orbits()
 
-    def from_motion(self, cell: Any, skipped: int, n_periods: int, n_impacts: int) -> Orbits:
+    def from_motion(self, hits: Any, skipped: int, n_periods: int, n_impacts: int) -> Orbits:
         """Return the orbit that Newton's method reaches from the state of a motion at an impact."""
-        (samples,) = get_backend("cpu").samples(cell, Measurement(ImpactWindow(skipped, 1)))
+        (samples,) = get_backend("cpu").samples(hits.cell, Measurement(ImpactWindow(skipped, 1)))
         guess = Guess.of(samples.last_state(self.design.period))
         if n_impacts == -1:
             return find_sticking(self, n_periods, guess)
