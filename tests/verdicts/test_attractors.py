@@ -17,6 +17,7 @@ from vibroimpact.coexistence import Attractor, settling
 from vibroimpact.coexistence.measuring import Runner, spread_cells
 from vibroimpact.motion import Motion, MotionClass
 from vibroimpact.orbits import same_orbit
+from vibroimpact.orbits.search import search_of
 
 TWO = vi.ImpactOscillator(omega=3.0)  # a cycle and a sticking orbit
 CYCLES = vi.ImpactOscillator(omega=1.45)  # period-1 impact-1 and period-3 impact-4
@@ -311,7 +312,7 @@ def test_chaos_that_ends_in_a_cycle_is_not_called_quasi_periodic_where_the_expon
 
     beam, runner = vi.models.clamped_beam_with_stop(), Watching()
     starts = spread_cells(beam.cells({}), 2048)
-    watching = settling.Settling(runner, beam, (ImpactWindow(2047, 2048), settling.LATE_OF_SYSTEMS))
+    watching = settling.Settling(runner, search_of(beam), (ImpactWindow(2047, 2048), settling.LATE_OF_SYSTEMS))
     for first in range(1920, -1, -128):
         settled = settling.settle(watching, starts[first + np.arange(128)], watching.windows)
         assert not (settled.kind == MotionClass.QUASI_PERIODIC).any()

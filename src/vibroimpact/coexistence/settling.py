@@ -60,7 +60,7 @@ class Settling:
     """How motions of a model are followed until they settle: with which runner, and in which windows one by one."""
 
     runner: Runner
-    model: Model
+    search: Search
     windows: tuple[ImpactWindow, ...]
 
     @classmethod
@@ -70,7 +70,8 @@ class Settling:
         There is a single window if longer ones would decide nothing. For systems, 2^k - 1 impacts are skipped and 2^k
         kept, since lanes compare later impacts with the first one kept.
         """
-        osc, transient, keep = model.at(), sampling.transient_impacts, sampling.sample_impacts
+        search, transient, keep = search_of(model), sampling.transient_impacts, sampling.sample_impacts
+        osc = search.design
         check_takes(runner.engine, osc)
         if not osc.stops:
             raise ValueError(
@@ -79,18 +80,18 @@ class Settling:
         times, half = [LONGER**i for i in range(ROUNDS)], 1 << max(transient, (keep - 1) // 4).bit_length()
         of_one = (ImpactWindow(transient * longer, keep * longer) for longer in times)
         of_system = (ImpactWindow(half * longer - 1, half * longer) for longer in times)
-        settling = cls(runner, model, tuple(of_one if osc.forgets else of_system))
+        settling = cls(runner, search, tuple(of_one if osc.forgets else of_system))
         return settling if settling.attracts else replace(settling, windows=settling.windows[:1])
 
-    @cached_property
+    @property
+    def model(self) -> Model:
+        """The model."""
+        return self.search.model
+
+    @property
     def osc(self) -> Any:
         """The oscillator or system at the values of the model."""
-        return self.model.at()
-
-    @cached_property
-    def search(self) -> Search:
-        """The search for the orbits of the model."""
-        return search_of(self.model)
+        return self.search.design
 
     @cached_property
     def attracts(self) -> bool:

@@ -101,8 +101,8 @@ class OneMassSearch(Search):
         """Return the orbit near given times of its impacts, whose velocities the search for systems finds."""
         from vibroimpact.orbits.systems.search import SystemSearch  # slower to import
 
-        n, p = astuple(cycle)
-        found = SystemSearch(self.design.system).of_type(n, p, (0,) * p, guess)
+        (n, p), system = astuple(cycle), self.design.system
+        found = SystemSearch(system, system).of_type(n, p, (0,) * p, guess)
         return self._from(cycle, solution_of(found[0])[1]) if found else found
 
     def _from(self, cycle: Cycle, start: Floats) -> Orbits:

@@ -6,7 +6,6 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -78,15 +77,11 @@ class Solution(NamedTuple):
 class Search(ABC):
     """A search for the periodic orbits of a model, of one mass or of systems, made once for each model.
 
-    Those of a family are sought at its own values.
+    Those of a family are sought at its own values, at which it makes the oscillator or system `design`.
     """
 
     model: Model
-
-    @cached_property
-    def design(self) -> Any:
-        """The oscillator or system at the values of the model."""
-        return self.model.at()
+    design: Any
 
     @abstractmethod
     def of_type(

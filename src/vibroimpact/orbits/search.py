@@ -173,7 +173,8 @@ def find_orbit(
     (0.6466310406, 0.006501083316, ((1+0j), (1+0j)))
     """
     check_model(osc)
-    design = osc.at()
+    search = search_of(osc)
+    design = search.design
     if energy is not None:
         if (n_periods, n_impacts, stops, symmetric, near) != (None, None, None, False, None):
             raise ValueError("give either `energy` (and `mode`) or the impacts of the orbit, not both")
@@ -184,7 +185,7 @@ def find_orbit(
         raise invalid(
             "mode", mode, "omitted without `energy`", "it is the mode from which orbits of an energy are born"
         )
-    search, guess = search_of(osc), Guess.of(state_of(near, design))
+    guess = Guess.of(state_of(near, design))
     if not design.periodic:
         return Orbits(outcome="none", message=WITHOUT_PERIOD + ("" if design.energy_changes else AT_AN_ENERGY))
     if guess.only_state:
@@ -222,11 +223,12 @@ def _of_its_type(search: Search, guess: Guess) -> Orbits:
 
 def search_of(model: Model) -> Search:
     """Return the search for the orbits of a model: closed forms and the engine of one mass serve where they can."""
-    if model.at().forgets:
-        return one_mass.OneMassSearch(model)
+    design = model.at()
+    if design.forgets:
+        return one_mass.OneMassSearch(model, design)
     from vibroimpact.orbits.systems.search import SystemSearch  # slower to import
 
-    return SystemSearch(model)
+    return SystemSearch(model, design)
 
 
 def stable_orbits(search: Search, n_periods: int) -> list[Orbit]:
