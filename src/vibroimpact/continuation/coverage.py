@@ -219,8 +219,9 @@ def _can_end(name: Name, forgets: bool) -> bool:
 def _orbit_of(model: Model, n: int, p: int) -> Orbit | None:
     """Return the cycle to which the motion from rest settles; None if it is not a stable one of that type."""
     window = ImpactWindow(WINDOW.transient + WINDOW.keep - p, p)
-    (samples,) = get_backend("cpu").samples(model.at().cells({}), Measurement(window))
-    return settled_orbit(search_of(model), n, samples, slice(0, p)) if len(samples.impact_phase) == p else None
+    search = search_of(model)
+    (samples,) = get_backend("cpu").samples(search.design.cells({}), Measurement(window))
+    return settled_orbit(search, n, samples, slice(0, p)) if len(samples.impact_phase) == p else None
 
 
 def _end_of_orbit(orbit: Orbit, parameter: str, values: tuple[float, float]) -> tuple[BifurcationPoint | None, bool]:
@@ -245,7 +246,8 @@ def _touch(model: Model, parameter: str, values: tuple[float, float]) -> tuple[B
     if not (math.isfinite(first) and math.isfinite(last)) or first <= 0.0 or last > 0.0:
         return None, first > 0.0 and last > 0.0
     touching = model.replace(**{parameter: float(brentq(clearance, *values, xtol=1e-300, rtol=1e-15))})
-    steady = touching.at().steady_state
-    turns = math.atan2(steady.velocity / touching.at().omega, steady.displacement) / (2.0 * math.pi)
+    osc = touching.at()
+    steady = osc.steady_state
+    turns = math.atan2(steady.velocity / osc.omega, steady.displacement) / (2.0 * math.pi)
     orbit = make_orbit(touching, Cycle(1, 1), np.array([turns % 1.0, 0.0]))
     return BifurcationPoint("grazing", parameter, orbit.value(parameter), orbit), False

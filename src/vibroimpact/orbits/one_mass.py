@@ -64,7 +64,7 @@ class OneMassSearch(Search):
         if orbit is not None and orbit.oscillator.forgets and (orbit.n_periods, orbit.n_impacts) == astuple(cycle):
             return self._from(cycle, solution_of(orbit)[1])
         if impact is None:
-            return _anywhere(self.model, cycle)
+            return self._anywhere(cycle)
         (chain,) = followed(osc, cycle, *np.array(impact)[:, None])
         if chain is None:
             few = f"fewer than {cycle.n_impacts} impacts follow from there; start where the mass hits more often"
@@ -104,6 +104,35 @@ class OneMassSearch(Search):
         (n, p), system = astuple(cycle), self.design.system
         found = SystemSearch(system, system).of_type(n, p, (0,) * p, guess)
         return self._from(cycle, solution_of(found[0])[1]) if found else found
+
+    def _anywhere(self, cycle: Cycle) -> Orbits:
+        """Return the admissible orbits found from the attractor reached from rest and from a grid of impacts."""
+        osc = self.design
+        solutions: list[Floats] = []
+        others: list[Cycle] = []
+        for start in candidates(osc, cycle):
+            solved = solve(osc, cycle, start)
+            if not solved.converged or solved.singular or solved.z[cycle.n_impacts :].min() <= 0.0:
+                continue
+            z = from_hardest(cycle, solved.z)
+            if any(same_orbit(Impacts.of(z), Impacts.of(other)) for other in solutions):
+                continue
+            smallest = true_cycle(cycle, z)
+            if smallest == cycle:
+                solutions.append(z)
+            elif smallest not in others:
+                others.append(smallest)
+        orbits = ordered(make_orbit(self.model, cycle, z) for z in solutions) if solutions else Orbits()
+        real = [orbit for orbit in orbits if orbit.admissible]
+        virtual = len(orbits) - len(real)
+        if real:
+            return Orbits(real, message=orbits.message)
+        message = f"no initial guess converged to {'an admissible' if virtual else 'a'} {cycle.name} orbit"
+        if others:
+            message += f"; some converged to {' or '.join(other.name for other in others)} orbits"
+        if virtual:
+            message += f"; {counted(virtual, 'solution')} inadmissible (penetrating the stop)"
+        return Orbits(outcome="other_name" if others else "none", message=message)
 
     def _from(self, cycle: Cycle, start: Floats) -> Orbits:
         """Return the orbit that Newton's method reaches."""
@@ -151,36 +180,6 @@ def _first_impact(osc: ImpactOscillator, state: State) -> tuple[float, float]:
     if not len(samples.impact_phase):
         raise invalid("near", state, "a state from which the mass hits the stop")
     return float(samples.impact_phase[0]), float(samples.impact_velocity[0])
-
-
-def _anywhere(model: Model, cycle: Cycle) -> Orbits:
-    """Return the admissible orbits found from the attractor reached from rest and from a grid of impacts."""
-    osc = model.at()
-    solutions: list[Floats] = []
-    others: list[Cycle] = []
-    for start in candidates(osc, cycle):
-        solved = solve(osc, cycle, start)
-        if not solved.converged or solved.singular or solved.z[cycle.n_impacts :].min() <= 0.0:
-            continue
-        z = from_hardest(cycle, solved.z)
-        if any(same_orbit(Impacts.of(z), Impacts.of(other)) for other in solutions):
-            continue
-        smallest = true_cycle(cycle, z)
-        if smallest == cycle:
-            solutions.append(z)
-        elif smallest not in others:
-            others.append(smallest)
-    orbits = ordered(make_orbit(model, cycle, z) for z in solutions) if solutions else Orbits()
-    real = [orbit for orbit in orbits if orbit.admissible]
-    virtual = len(orbits) - len(real)
-    if real:
-        return Orbits(real, message=orbits.message)
-    message = f"no initial guess converged to {'an admissible' if virtual else 'a'} {cycle.name} orbit"
-    if others:
-        message += f"; some converged to {' or '.join(other.name for other in others)} orbits"
-    if virtual:
-        message += f"; {counted(virtual, 'solution')} inadmissible (penetrating the stop)"
-    return Orbits(outcome="other_name" if others else "none", message=message)
 
 
 def make_orbit(model: Model, cycle: Cycle, z: Floats) -> Orbit:

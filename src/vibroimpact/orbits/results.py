@@ -196,13 +196,13 @@ def other_name(reached: str, name: str) -> Orbits:
 
 def orbits_dataset(orbits: Orbits, model: Model, arguments: Mapping[str, Any]) -> xr.Dataset:
     """Return orbits over `orbit` and `impact`, rows padded with NaN; `count` is the number of impacts."""
-    counts = [len(orbit.velocities) for orbit in orbits]
+    design, counts = model.at(), [len(orbit.velocities) for orbit in orbits]
     content = orbit_variables(orbits, max(counts, default=0), "orbit")
     parts = {"real": "real part of a Floquet multiplier", "imag": "imaginary part of a Floquet multiplier"}
-    several = not model.at().says_all
+    several = not design.says_all
     for part, text in parts.items():
         rows = [[getattr(complex(value), part) for value in orbit.multipliers] for orbit in orbits]
-        width = 2 * np.size(model.at().mass, 0) if several else 2
+        width = 2 * np.size(design.mass, 0) if several else 2
         table = rows_of(rows, max(map(len, rows), default=width))
         if several:
             content[f"multiplier_{part}"] = number(("orbit", "multiplier"), table, text)
@@ -224,7 +224,7 @@ def orbits_dataset(orbits: Orbits, model: Model, arguments: Mapping[str, Any]) -
     }
     content |= {key: number("orbit", [getattr(orbit, key) for orbit in orbits], text) for key, text in real.items()}
     content["stuck_time"].attrs["units"] = "s"
-    content |= _struck(orbits, max(counts, default=0), model.at())
+    content |= _struck(orbits, max(counts, default=0), design)
     return dataset_of(content, attrs=provenance("find_orbit", model, arguments) | outcome)
 
 

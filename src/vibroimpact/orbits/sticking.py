@@ -149,9 +149,9 @@ def find_sticking_orbit(
     []
     """
     wanted = None if n_periods is None else whole_number("n_periods", n_periods, 1)
-    the_oscillator(osc)
-    stick = from_release(osc.at(), max(whole_number("longest", longest, 1), wanted or 1))
-    if stick is None or wanted not in (None, stick.periods) or not closes(osc.at(), stick):
+    design = the_oscillator(osc)
+    stick = from_release(design, max(whole_number("longest", longest, 1), wanted or 1))
+    if stick is None or wanted not in (None, stick.periods) or not closes(design, stick):
         return []
     return [sticking_orbit(osc, stick, Tolerances.of(tolerances).chatter)]
 

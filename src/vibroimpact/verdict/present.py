@@ -84,16 +84,16 @@ def present_motion(model: Model, runner: Runner) -> Present:
 
     If rounding after a rest at the stop may determine the end of a motion, perturbed releases decide it.
     """
-    return (_by_impacts if model.at().forgets else _by_states)(model, runner)
+    search = search_of(model)
+    return (_by_impacts if search.design.forgets else _by_states)(search, runner)
 
 
-def _by_impacts(model: Model, runner: Runner) -> Present:
+def _by_impacts(search: Search, runner: Runner) -> Present:
     """Return the motion from rest of a model for which phase and velocity of an impact are the whole state.
 
     One run measures and samples it; if it has not repeated by then, a longer run follows. Boundaries and advice are
     followed from the first impact of the sample of a cycle, or from the end of any other sample.
     """
-    search = search_of(model)
     osc = search.design
     final = final_motion(runner, osc, ImpactWindow(SETTLED, SHOWN))
     measured, samples = final.measured, final.samples
@@ -116,7 +116,7 @@ def _by_impacts(model: Model, runner: Runner) -> Present:
     state = osc.rest
     if start is not None:
         state = State(osc.gap - start.clearance, start.velocity, start.phase * osc.period)
-    return Present(model, osc, final, motion, orbit, state, start)
+    return Present(search.model, osc, final, motion, orbit, state, start)
 
 
 def _solved(search: Search, measured: Measured, samples: Samples) -> Orbit | None:
@@ -128,9 +128,9 @@ def _solved(search: Search, measured: Measured, samples: Samples) -> Orbit | Non
     return settled_orbit(search, n, samples, slice(-p, None)) if few else None
 
 
-def _by_states(model: Model, runner: Runner) -> Present:
+def _by_states(search: Search, runner: Runner) -> Present:
     """Return the motion from rest by whole states, followed for 32,767 impacts if it does not repeat."""
-    system = model.at()
+    model, system = search.model, search.design
     attractor, measured = from_rest(runner, model)
     (first,) = runner.measure(system.cells({})) if measured.impacts > PAPER.transient + PAPER.keep else [measured]
     final = Final(measured, None, measured.impacts, first if first.name != measured.name else None)
