@@ -90,7 +90,7 @@ def gaining(bounded: Any, x: Floats, sign: float) -> tuple[Any, Floats, Floats] 
     flow, pushes = cycle.flow, stop in cycle.phases[at]
     pulls = flow.touching(stop, *cycle.state_at(unknown, at - 1, TURN * touch), cycle.phases[at])[1]
     longest = BORN / max(cycle.fastest, flow.phase(tuple(sorted({*cycle.phases[at], stop}))).fastest)
-    born = None
+    born, leaves = None, False
     for again in (PUSH_AGAIN, IMPACT) if pulls and flow.lag(stop) else (IMPACT,):  # pressed in at first, soon free
         kinds = (LET_GO, again) if pushes else (again, LET_GO)
         events = (*cycle.events[:at], *(Event(stop, kind) for kind in kinds), *cycle.events[at:])
@@ -103,9 +103,10 @@ def gaining(bounded: Any, x: Floats, sign: float) -> tuple[Any, Floats, Floats] 
             solution, corrections, jacobian = longer.newton(start, row)
             if corrections:
                 born = longer, solution, longer.tangent(solution, row, jacobian)
-                if born[2][-1] * sign > 0.0 and longer.speeds(solution).min() > 0.0:
+                leaves = longer.speeds(solution).min() > 0.0
+                if leaves and born[2][-1] * sign > 0.0:
                     return born
-        if born is not None and born[0].speeds(born[1]).min() > 0.0:  # the parameter turns back
+        if leaves:  # the parameter turns back
             return born
     return born
 
