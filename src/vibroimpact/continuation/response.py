@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -30,9 +30,10 @@ from vibroimpact.indices import DISPLACEMENTS
 from vibroimpact.labels import displayed
 from vibroimpact.model import Model, as_system, check_model
 from vibroimpact.model.points import observed
+from vibroimpact.model.system import ImpactSystem
 from vibroimpact.model.units import display
 from vibroimpact.orbits.search import find_orbit
-from vibroimpact.orbits.systems.response import Response, Steady, response_of, steady_motion
+from vibroimpact.orbits.systems.response import Response, response_of, steady_motion
 from vibroimpact.parameters import counted, invalid, labelled, with_unit
 from vibroimpact.progress import Report, reporter
 from vibroimpact.request import check_apart, units_of
@@ -108,7 +109,8 @@ class ResponseCurve(Shown):
     def _free(self, values: Floats) -> tuple[list[Response], Floats, Floats]:
         """Return responses, impacts and stability of the motion without contact."""
         row, stop = observed(as_system(self.model.at()), self.of)
-        motions = [_steady(self.model, self.parameter, value) for value in values.tolist()]
+        designs = (self.model.at(**{self.parameter: value}) for value in values.tolist())
+        motions = [steady_motion(as_system(design)) for design in designs]
         rows = [NOTHING if motion is None else motion.response(row, stop) for motion in motions]
         return rows, np.zeros(len(rows), int), np.ones(len(rows), int)
 
@@ -192,15 +194,22 @@ def response_curve(
         raise invalid("axes", tuple(axes), "exactly one parameter with its range", "for example omega=(1.0, 2.0)")
     ((parameter, ends),) = axes.items()
     check_apart(axes, DISPLACEMENTS)
-    form = as_system(model.at()).modal()
+    design = model.at()
+    form = as_system(design).modal()
     if not (form.forces.any() or form.motions.any()):
-        instead = "" if model.at().energy_changes else "; follow a free vibration with continue_orbit along its energy"
+        instead = "" if design.energy_changes else "; follow a free vibration with continue_orbit along its energy"
         raise ValueError(f"`model` has no periodic load and no moving stop, and a response curve needs one{instead}")
     units = units_of({parameter: ends}, model.parameters) if parameter in model.parameters else {}
     ends, longest = check_range(model, parameter, ends, None), check_share("step", step)
-    observed(as_system(model.at()), of)
-    values = _grid(model, parameter, ends, longest)
-    free, touching = _without_contact(model, parameter, values)
+    observed(as_system(design), of)
+
+    @cache
+    def system_at(value: float) -> ImpactSystem:
+        system: ImpactSystem = as_system(model.at(**{parameter: value}))
+        return system
+
+    values = _grid(system_at, ends, longest)
+    free, touching = _without_contact(system_at, values)
     with reporter(progress, "orbits") as report:
         branches, stopped = _branches(model, parameter, ends, touching, longest, report)
     if stopped and not (free or branches):
@@ -219,15 +228,11 @@ def response_curve(
     return ResponseCurve(parameter, of, model, free, branches, message, arguments, units)
 
 
-def _steady(model: Model, parameter: str, value: float) -> Steady | None:
-    return steady_motion(as_system(model.at(**{parameter: value})))
-
-
-def _grid(model: Model, parameter: str, ends: Range, longest: float) -> Floats:
+def _grid(system_at: Callable[[float], ImpactSystem], ends: Range, longest: float) -> Floats:
     """Return evenly spaced values, and more where a harmonic of the load passes the resonance of a mode."""
 
     def lags(value: float) -> Floats:
-        form = as_system(model.at(**{parameter: value})).modal()
+        form = system_at(value).modal()
         rates = form.omega * form.orders[:, None]
         lagging: Floats = np.arctan2(rates * np.diag(form.damping), form.squares - rates**2)
         return lagging
@@ -244,12 +249,12 @@ def _grid(model: Model, parameter: str, ends: Range, longest: float) -> Floats:
     return np.array(sorted(known))
 
 
-def _without_contact(model: Model, parameter: str, values: Floats) -> tuple[list[Floats], list[Range]]:
+def _without_contact(system_at: Callable[[float], ImpactSystem], values: Floats) -> tuple[list[Floats], list[Range]]:
     """Return the values at which the steady motion touches no stop, part by part, and the intervals between them."""
     from scipy.optimize import brentq, minimize_scalar
 
     def margin(value: float) -> float:
-        motion = _steady(model, parameter, value)
+        motion = steady_motion(system_at(value))
         return -math.inf if motion is None else float(motion.clearances().min(initial=math.inf))
 
     margins = [margin(value) for value in values.tolist()]
