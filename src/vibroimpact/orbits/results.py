@@ -38,7 +38,7 @@ class Orbits(list[Orbit]):
         guess converged to one); "other_name" (the guess converged to an orbit of fewer periods and impacts);
         "not_converged"; "not_periodic" (the motion from `near` does not repeat: the list holds an orbit that it passes
         by, if one was found); "singular" (it converged to a fold or a graze, where the equations do not determine an
-        isolated orbit).
+        isolated orbit, or did not converge where they hardly do).
     message : str
         The outcome as a sentence.
     """
@@ -183,8 +183,8 @@ def reached(solved: Solved, name: str, orbit_of: Callable[[Floats], Orbit]) -> O
 def lost(solved: Solved, name: str) -> Orbits:
     """Return the outcome of a search whose Newton's method did not converge to an orbit."""
     if solved.singular:
-        message = "converged to a fold or a graze, where the equations are singular; give a guess away from it"
-        return Orbits(outcome="singular", message=message)
+        what = "converged to" if solved.converged else "not converged; the equations are nearly singular, as at"
+        return Orbits(outcome="singular", message=f"{what} a fold or a graze; give a guess away from it")
     message = f"not converged to a {name} orbit; give a guess nearer to one as `near`"
     return Orbits(outcome="not_converged", message=message)
 
