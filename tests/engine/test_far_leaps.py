@@ -8,7 +8,7 @@ import vibroimpact as vi
 from designs import random_oscillator
 from leaping import PARTS, Leaping, remade
 from systems import a_random_system
-from vibroimpact.kernels.systems.layout import OPEN
+from vibroimpact.kernels.systems.elements import OPEN
 from vibroimpact.kernels.systems.leap import FAR, LEAPS
 
 

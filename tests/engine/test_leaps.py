@@ -13,7 +13,7 @@ from vibroimpact.kernels.cell import Cell, prepare
 from vibroimpact.kernels.flight import flow
 from vibroimpact.kernels.leaps import FAR, LONG, SHORT, leap, stays_clear
 from vibroimpact.kernels.state import Motion
-from vibroimpact.kernels.systems.layout import OPEN, STRUCK
+from vibroimpact.kernels.systems.elements import OPEN, STRUCK
 from vibroimpact.kernels.systems.leap import HALF, WHOLE
 
 # One mass

@@ -115,15 +115,20 @@ def evaluate_roughly(a, x):
 @inner(forceinline=True)
 def sine_cosine(angle):
     """Return sin and cos of an angle up to REACH radians, by their power series."""
-    z = angle * angle
-    p = fma(z, 1 / 355687428096000, -1 / 1307674368000)
+    return sine_cosine_from(angle, angle * angle, 1 / 355687428096000, -1 / 6402373705728000)
+
+
+@inner(forceinline=True)
+def sine_cosine_from(angle, z, p, q):
+    """Return sin and cos of an angle with the square z from the last terms of their power series, z^8 and z^9."""
+    p = fma(z, p, -1 / 1307674368000)
     p = fma(z, p, 1 / 6227020800)
     p = fma(z, p, -1 / 39916800)
     p = fma(z, p, 1 / 362880)
     p = fma(z, p, -1 / 5040)
     p = fma(z, p, 1 / 120)
     p = fma(z, p, -1 / 6)
-    q = fma(z, -1 / 6402373705728000, 1 / 20922789888000)
+    q = fma(z, q, 1 / 20922789888000)
     q = fma(z, q, -1 / 87178291200)
     q = fma(z, q, 1 / 479001600)
     q = fma(z, q, -1 / 3628800)

@@ -24,7 +24,7 @@ class Carrier:
     """
 
     def __init__(self, cells: SystemCells, tolerances: Tolerances) -> None:
-        self.layout = layout_for(cells, False, True)
+        self.layout = layout_for(cells, thorough=True)
         self._row = in_steps(cells, tolerances.chatter, self.layout)[0]
         self._shapes, self._step = cells.shapes[0], float(steps_of(cells)[0])
         self.neutral = cells.block("neutral")[0] > 0.0  # components of the state: position and drift of a free centre

@@ -15,7 +15,7 @@ from vibroimpact.kernels.cell import RUNNING
 from vibroimpact.kernels.shared.held import InMemory
 from vibroimpact.kernels.shared.vectors import LANES
 from vibroimpact.kernels.systems import march, walk
-from vibroimpact.kernels.systems.layout import CLOSED
+from vibroimpact.kernels.systems.elements import CLOSED
 from vibroimpact.model.elements import Contact
 from vibroimpact.model.system_cells import SystemCells
 from vibroimpact.status import Status
@@ -39,7 +39,7 @@ class _Recorder:
 
     def __init__(self, cells: SystemCells, measurement: Measurement) -> None:
         self._cells, self._window = cells, measurement.window
-        k = self._layout = layout_for(cells, cells.shape.compliant)
+        k = self._layout = layout_for(cells, forceful=cells.shape.compliant)
         self._table = in_steps(cells, measurement.tolerances.chatter, k)
         if isinstance(self._window, ImpactWindow):
             looks, limit = 0, float(self._window.transient + self._window.keep)

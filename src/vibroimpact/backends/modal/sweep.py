@@ -30,16 +30,13 @@ from vibroimpact.model.system_cells import SystemCells
 _LOOKS = 200  # steps of lanes between checks for an interrupt
 
 
-def layout_for(cells: SystemCells, *flags: bool) -> Layout:
-    """Return the layout of the rows of cells; flags are those of `layout_of`, from `forceful` to `draining`."""
+def layout_for(cells: SystemCells, **observed: bool) -> Layout:
+    """Return the layout of the rows of cells of which so much is observed (`layout_of`)."""
     shape, step, n = cells.shape, steps_of(cells)[:, None], cells.shape.modes
     damping = (step * cells.block("damping")).reshape(-1, n, n)
     slow = slow_modes(step**2 * cells.block("square"), damping, step * cells.block("omega"))
     free = bool(cells.block("neutral").any())
-    return layout_of(
-        shape.modes, shape.stops, shape.harmonics, shape.coupled, shape.moving, shape.compliant, shape.rigid,
-        bool(slow.any()), free, *flags,
-    )  # fmt: skip
+    return layout_of(shape, bool(slow.any()), free, **observed)
 
 
 def noted(layout: Layout) -> int:
@@ -77,8 +74,13 @@ class SystemSweep:
         window = measurement.impacts
         indices = frozenset(measurement.indices)
         of_forces = {"mean_force", "max_force", *(("dissipation", "work_rate") if cells.shape.compliant else ())}
-        forceful, draining = bool(indices & of_forces), "damper_rate" in indices
-        self.layout = layout_for(cells, forceful, measurement.thorough, "grazing_margin" in indices, draining)
+        self.layout = layout_for(
+            cells,
+            thorough=measurement.thorough,
+            wary="grazing_margin" in indices,
+            forceful=bool(indices & of_forces),
+            draining="damper_rate" in indices,
+        )
         self.window, self.by_stop = window, measurement.by_stop
         bounds = float(window.transient), float(window.transient + window.keep)
         self.total = march.Window(*bounds, measurement.early_closing)

@@ -50,7 +50,7 @@ def _followed(
     cells: SystemCells, direction: Floats, measurement: Measurement, stopped: Callable[[], bool]
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """Return the sums of cells along directions, and which have some."""
-    k = layout_for(cells, False, False, False, False, True)
+    k = layout_for(cells, swinging=True)
     table = in_steps(cells, measurement.tolerances.chatter, k)
     table[:, k.along : k.along + k.modes + 1 + 2 * k.harmonics] = direction
     budgets = budgets_of(cells, measurement.tolerances, UNREPEATED)

@@ -20,8 +20,9 @@ from vibroimpact.kernels.cycle import NOT_SMALL, UNRESOLVED
 from vibroimpact.kernels.shared.deferred import deferred
 from vibroimpact.kernels.shared.machine import copy, rare
 from vibroimpact.kernels.shared.vectors import LANES
+from vibroimpact.kernels.systems.elements import CLOSED
 from vibroimpact.kernels.systems.event import go_on, lift, lower, lower_alike, occur, walk_on
-from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
+from vibroimpact.kernels.systems.layout import NOTHING
 from vibroimpact.kernels.systems.march import (
     ADDED,
     BEFORE,

@@ -16,7 +16,12 @@ from __future__ import annotations
 
 from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.shared.series import slipped
-from vibroimpact.kernels.shared.vectors import get
+from vibroimpact.kernels.shared.vectors import get, no
+
+# How a stop is left: its clearance begins with no zero, a single one (just struck), a double one (from rest) or a
+# triple one (let go); or it is closed, held by a force above zero or by one that begins there. Where a zero has a
+# higher order, -x or PASSING + x stands for open or closed on a step up to x in any case.
+OPEN, STRUCK, RESTING, RELEASED, CLOSED, BALANCED, PASSING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
 
 # The numbers of a stop in the table of a cell: k, c, and what these add to the fastest rate, squared, and to damping.
 COLUMNS = "spring", "dashpot", "hard", "thick"
@@ -26,6 +31,18 @@ COLUMNS = "spring", "dashpot", "hard", "thick"
 def is_compliant(rows, z, k, wide):
     """Return whether contacts with a stop take time."""
     return get(rows, k.spring + z, wide) > 0.0
+
+
+@inner(forceinline=True)
+def pushes(rows, z, k, wide):
+    """Return whether a compliant stop is pushed in, and pushes."""
+    return is_compliant(rows, z, k, wide) & (get(rows, k.kind + z, wide) >= CLOSED)
+
+
+@inner(forceinline=True)
+def holds(rows, z, k, wide):
+    """Return whether a rigid stop is closed, and holds what rests at it."""
+    return no(is_compliant(rows, z, k, wide)) & (get(rows, k.kind + z, wide) >= CLOSED)
 
 
 @inner(forceinline=True)

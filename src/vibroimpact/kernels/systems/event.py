@@ -6,8 +6,9 @@ from vibroimpact.kernels.shared.deferred import deferred
 from vibroimpact.kernels.shared.held import without
 from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.shared.vectors import LANES, anywhere, get, put, select
+from vibroimpact.kernels.systems.elements import CLOSED
 from vibroimpact.kernels.systems.law import bounce, closed
-from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, NOTHING
+from vibroimpact.kernels.systems.layout import CONTACT, NOTHING
 from vibroimpact.kernels.systems.leap import LEAPS, leap, leap_far, leap_within, look, may_leap
 from vibroimpact.kernels.systems.march import (
     CHATTERED,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vibroimpact.kernels.flight import BARELY, turned
+from vibroimpact.kernels.flight import BARELY, sine_cosine_from, turned
 from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.shared.series import (
     SIZE,
@@ -17,33 +17,19 @@ from vibroimpact.kernels.shared.series import (
     wave,
 )
 from vibroimpact.kernels.shared.vectors import anywhere, fma, get, put, select
-from vibroimpact.kernels.systems.elements import force_law, is_compliant
-from vibroimpact.kernels.systems.layout import CLOSED, OPEN
+from vibroimpact.kernels.systems.elements import CLOSED, OPEN, force_law, is_compliant
 from vibroimpact.kernels.systems.reach import in_reach
+
+# Less is contact: of the lengths that a clearance is the sum of; and, where these vanish, of V times a step.
+TOUCH, NOWHERE = 1e-12, 1e-15
 
 
 @inner(forceinline=True)
 def sine_cosine(angle):
     """Return sin and cos of an angle up to 1.3 radians, by their power series."""
     z = angle * angle
-    p = fma(z, -1 / 121645100408832000, 1 / 355687428096000)
-    p = fma(z, p, -1 / 1307674368000)
-    p = fma(z, p, 1 / 6227020800)
-    p = fma(z, p, -1 / 39916800)
-    p = fma(z, p, 1 / 362880)
-    p = fma(z, p, -1 / 5040)
-    p = fma(z, p, 1 / 120)
-    p = fma(z, p, -1 / 6)
-    q = fma(z, 1 / 2432902008176640000, -1 / 6402373705728000)
-    q = fma(z, q, 1 / 20922789888000)
-    q = fma(z, q, -1 / 87178291200)
-    q = fma(z, q, 1 / 479001600)
-    q = fma(z, q, -1 / 3628800)
-    q = fma(z, q, 1 / 40320)
-    q = fma(z, q, -1 / 720)
-    q = fma(z, q, 1 / 24)
-    q = fma(z, q, -1 / 2)
-    return fma(angle * z, p, angle), fma(z, q, 1.0)
+    p, q = fma(z, -1 / 121645100408832000, 1 / 355687428096000), fma(z, 1 / 2432902008176640000, -1 / 6402373705728000)
+    return sine_cosine_from(angle, z, p, q)
 
 
 @inner(forceinline=True)
@@ -263,6 +249,25 @@ def stop_moves(rows, z, sine, cosine, k, wide):
             w = w + (m + 1.0) * get(rows, k.theta, wide) * fma(re, b, -im * a)
             a, b = fma(a, cosine, b * sine), fma(b, cosine, -a * sine)
     return u, w
+
+
+@inner(forceinline=True)
+def stands(rows, z, sine, cosine, k, wide):
+    """Return a clearance, its rate, and the sum of the lengths that it is made of."""
+    u, w = stop_moves(rows, z, sine, cosine, k, wide)
+    size = abs(get(rows, k.gap + z, wide))
+    for j in range(k.modes):
+        alpha = get(rows, k.alpha + z * k.modes + j, wide)
+        moved = alpha * get(rows, k.eta + j, wide)
+        u, size = u - moved, size + abs(moved)
+        w = w - alpha * get(rows, k.rate + j, wide)
+    return u, w, size
+
+
+@inner(forceinline=True)
+def clear(rows, size, k, wide):
+    """Return the clearance, the sum of lengths of that size, above which a stop is not touched."""
+    return TOUCH * size + NOWHERE * get(rows, k.speed, wide)
 
 
 @inner(forceinline=True)

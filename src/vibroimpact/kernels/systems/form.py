@@ -6,8 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 from vibroimpact.kernels.shared.machine import rare
-from vibroimpact.kernels.systems.elements import end_law, force_law, is_compliant
-from vibroimpact.kernels.systems.layout import CLOSED
+from vibroimpact.kernels.systems.elements import end_law, force_law, pushes
 
 GONE, DRIFTS, SLIDES, SWINGS = 0.0, 1.0, 2.0, 3.0  # axes: into a closed stop; mu = 0 without and with damping; mu > 0
 SWEEPS = 16  # of rotations over a matrix: they converge quadratically, in some 6
@@ -56,13 +55,7 @@ def find_form(rows, k, f):
 
 
 @rare
-def pushes(rows, z, k):
-    """Return whether a compliant stop pushes."""
-    return is_compliant(rows, z, k, None) and rows[k.kind + z] >= CLOSED
-
-
-@rare
-def holds(rows, z, k):
+def is_pressed(rows, z, k):
     """Return whether a rigid stop is held closed by a force."""
     return rows[k.closed] > 0.0 and rows[k.held + z * (k.stops + 1)] > 0.0
 
@@ -80,7 +73,7 @@ def _matrices(rows, k, f):
             f.stiff[i, j] = rows[k.square + i] if i == j else 0.0
             f.drag[i, j] = rows[k.damping + i * k.modes + j] * math.sqrt(rows[k.weight + i] / rows[k.weight + j])
             for z in range(k.stops):
-                if pushes(rows, z, k):
+                if pushes(rows, z, k, None):
                     product = _alpha(rows, z, i, k) * _alpha(rows, z, j, k)
                     stiffness, damping = force_law(rows, z, k, None)
                     f.stiff[i, j] += stiffness * product
@@ -111,9 +104,9 @@ def _loads(rows, k, f):
             load = rows[k.load + j] if h == 0 else rows[k.force + 2 * k.harmonics * j + h - 1]
             f.loads[h, j], f.places[h, j] = load * math.sqrt(rows[k.weight + j]), 0.0
             for z in range(k.stops):
-                if pushes(rows, z, k):
+                if pushes(rows, z, k, None):
                     f.loads[h, j] += _alpha(rows, z, j, k) * _by_law(rows, z, h, force_law(rows, z, k, None), k)
-                for y in range(k.stops if holds(rows, z, k) else 0):
+                for y in range(k.stops if is_pressed(rows, z, k) else 0):
                     held = rows[k.held + z * k.stops + y]
                     f.places[h, j] += _alpha(rows, z, j, k) * held * _moves(rows, y, h, k)
 
@@ -123,7 +116,7 @@ def _watch(rows, k, f):
     """Leave what ends the phase: of every stop a, b, and the constant and harmonics."""
     n, s = k.modes, k.stops
     for z in range(s):
-        pushed, held_closed, law = pushes(rows, z, k), holds(rows, z, k), end_law(rows, z, k, None)
+        pushed, held_closed, law = pushes(rows, z, k, None), is_pressed(rows, z, k), end_law(rows, z, k, None)
         for j in range(n):
             alpha = _alpha(rows, z, j, k)
             f.on_place[z, j] = law[0] * alpha if pushed else 0.0 if held_closed else -alpha
@@ -176,7 +169,7 @@ def _project(rows, k, f, apart):
         for j in range(n):
             f.axes[i, j] = 1.0 if i == j else 0.0
             for z in range(s):
-                for y in range(s if holds(rows, z, k) else 0):
+                for y in range(s if is_pressed(rows, z, k) else 0):
                     f.axes[i, j] -= _alpha(rows, z, i, k) * rows[k.held + z * s + y] * _alpha(rows, y, j, k)
     for i in range(n):
         for j in range(n):

@@ -31,6 +31,8 @@ from vibroimpact.kernels.cell import PINNED, QUIET, RUNNING
 from vibroimpact.kernels.shared.deferred import deferred
 from vibroimpact.kernels.shared.machine import rare
 from vibroimpact.kernels.shared.series import DEGREE
+from vibroimpact.kernels.systems.elements import pushes
+from vibroimpact.kernels.systems.flow import clear, stands
 from vibroimpact.kernels.systems.form import (
     DRIFTS,
     GONE,
@@ -40,12 +42,11 @@ from vibroimpact.kernels.systems.form import (
     along,
     coupled,
     find_form,
-    holds,
-    pushes,
+    is_pressed,
     solve,
 )
-from vibroimpact.kernels.systems.push import first, stands
-from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH, derive
+from vibroimpact.kernels.systems.push import first
+from vibroimpact.kernels.systems.rest import derive
 
 POINTS = 32  # per period of the highest harmonic, at which several are summed up
 
@@ -74,7 +75,7 @@ def _idle(rows, k):
     rows[k.pace] = pace
     for z in range(k.stops):
         u, _, size = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
-        if pushes(rows, z, k) or holds(rows, z, k) or u > TOUCH * size + NOWHERE * rows[k.speed]:
+        if pushes(rows, z, k, None) or is_pressed(rows, z, k) or u > clear(rows, size, k, None):
             continue
         _, value, _ = first(rows, z, k, 1, 1.0, 0.0)
         idle |= int(value == 0.0) << z

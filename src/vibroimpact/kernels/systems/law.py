@@ -29,12 +29,12 @@ from vibroimpact.kernels.shared.complementarity import ROUNDING, complementary
 from vibroimpact.kernels.shared.deferred import deferred
 from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.shared.vectors import anywhere, get, no, put, select
-from vibroimpact.kernels.systems.elements import is_compliant
-from vibroimpact.kernels.systems.flow import stop_moves, turns
-from vibroimpact.kernels.systems.layout import CLOSED, CONTACT, OPEN, RELEASED, STRUCK
-from vibroimpact.kernels.systems.push import attend, stands
+from vibroimpact.kernels.systems.elements import OPEN, RELEASED, STRUCK, holds, is_compliant
+from vibroimpact.kernels.systems.flow import clear, stands, turns
+from vibroimpact.kernels.systems.layout import CONTACT
+from vibroimpact.kernels.systems.push import attend
 from vibroimpact.kernels.systems.reach import in_reach
-from vibroimpact.kernels.systems.rest import NOWHERE, SHORTENED, TOUCH, derivative, derive, hold, measure, settle
+from vibroimpact.kernels.systems.rest import SHORTENED, derivative, derive, hold, measure, settle
 
 ENDLESS = 0.1  # of 1 - r: with less of (1 - p)(1 - r) a chatter is taken to end at no time
 
@@ -53,7 +53,7 @@ def begin(rows, k, room):
             members |= 1 << z
         if is_compliant(rows, z, k, None) and room.rate[z] < -least:
             u, _, reach = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
-            ahead |= int(abs(u) <= TOUCH * reach + NOWHERE * rows[k.speed]) << z
+            ahead |= int(abs(u) <= clear(rows, reach, k, None)) << z
     closing = settle(rows, k, room, members) if members else 0
     return closing | attend(rows, k, room, ahead)[1] if k.compliant else closing
 
@@ -93,7 +93,7 @@ def closed(rows, k):
     """Return the set of rigid stops that are closed."""
     members = int(0.0)
     for z in range(k.stops):
-        if rows[k.kind + z] >= CLOSED and not is_compliant(rows, z, k, None):
+        if holds(rows, z, k, None):
             members |= 1 << z
     return members
 
@@ -121,20 +121,15 @@ def bounce(rows, k, wide):
     for y in range(k.stops):
         if not anywhere(in_reach(rows, y, k, wide)):
             continue
-        at_y, gap = which == float(y), get(rows, k.gap + y, wide)
-        u, w = stop_moves(rows, y, get(rows, k.turn, wide), get(rows, k.turn + 1, wide), k, wide)
-        size, inverse = abs(gap), 0.0 * gap
+        at_y, inverse = which == float(y), 0.0 * which
+        u, w, size = stands(rows, y, get(rows, k.turn, wide), get(rows, k.turn + 1, wide), k, wide)
         for j in range(n):
-            alpha = get(rows, k.alpha + y * n + j, wide)
-            moved = alpha * get(rows, k.eta + j, wide)
-            u, size = u - moved, size + abs(moved)
-            w = w - alpha * get(rows, k.rate + j, wide)
-            inverse = inverse + alpha * get(rows, k.jump + y * n + j, wide)
+            inverse = inverse + get(rows, k.alpha + y * n + j, wide) * get(rows, k.jump + y * n + j, wide)
         rate, gram = select(at_y, w, rate), select(at_y, inverse, gram)
         r = select(at_y & (get(rows, k.law + y, wide) <= 0.0), get(rows, k.restitution + y, wide), r)
         if k.compliant:
             at_y = at_y & no(is_compliant(rows, y, k, wide))
-        usual = usual & (at_y | (u > TOUCH * size + NOWHERE * get(rows, k.speed, wide)))
+        usual = usual & (at_y | (u > clear(rows, size, k, wide)))
     usual = usual & (r > 0.0) & (-rate >= get(rows, k.cut, wide))
     impulse = select(usual, -(1.0 + r) * rate / gram, 0.0)
     for y in range(k.stops):

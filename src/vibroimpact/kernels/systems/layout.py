@@ -9,10 +9,6 @@ from typing import TYPE_CHECKING, Any
 from vibroimpact.kernels.shared.series import SIZE
 from vibroimpact.kernels.systems.elements import COLUMNS
 
-# How a stop is left: its clearance begins with no zero, a single one (just struck), a double one (from rest) or a
-# triple one (let go); or it is closed, held by a force above zero or by one that begins there. Where a zero has a
-# higher order, -x or PASSING + x stands for open or closed on a step up to x in any case.
-OPEN, STRUCK, RESTING, RELEASED, CLOSED, BALANCED, PASSING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
 SWING = 8  # sums of `swing`
 NOTHING, CONTACT, STALLED = 0.0, 1.0, 2.0  # what ended a step; the last: it is at a stop without approaching it
 
@@ -62,53 +58,24 @@ def _sizes(
 
 
 # What the cells of a table are like, as `layout_of` has it, then the first row of each number, and how many there are.
-LIKE = "modes stops harmonics coupled moving thorough wary compliant rigid forceful draining swinging far free flow"
+OBSERVED = "thorough", "wary", "forceful", "draining", "swinging"
+LIKE = "modes", "stops", "harmonics", "coupled", "moving", "compliant", "rigid", *OBSERVED, "far", "free", "flow"
 if TYPE_CHECKING:
     Layout = Any
 else:
-    Layout = namedtuple("Layout", [*LIKE.split(), *_sizes(1, 1, 1, 1, True, True, True, True, True), "rows"])
+    Layout = namedtuple("Layout", [*LIKE, *_sizes(1, 1, 1, 1, True, True, True, True, True), "rows"])
 
 
-def layout_of(
-    modes: int,
-    stops: int,
-    harmonics: int,
-    coupled: bool,
-    moving: bool,
-    compliant: bool = False,
-    rigid: bool = True,
-    far: bool = False,
-    free: bool = False,
-    forceful: bool = False,
-    thorough: bool = False,
-    wary: bool = False,
-    draining: bool = False,
-    swinging: bool = False,
-) -> Layout:
-    """Return the rows of systems of that many modes, stops and harmonics.
+def layout_of(shape: Any, far: bool, free: bool, **observed: bool) -> Layout:
+    """Return the rows of systems of a shape: so many modes, stops and harmonics.
 
-    `coupled`: damping is not proportional in some of them; `moving`: so is a stop; `thorough`: a neighbour of each
-    motion is carried along; `wary`: near-misses are looked for, too; `compliant`, `rigid`: some stops are
-    so; `far`: modes of some are so slow that far leaps are worth a trial; `free`: some have a free centre; `forceful`:
+    `far`: modes of some are so slow that far leaps are worth a trial; `free`: some have a free centre. Observed may be:
+    `thorough`: a neighbour of each motion is carried along; `wary`: near-misses are looked for, too; `forceful`:
     impulses, largest forces or what compliant stops take are wanted; `draining`: so is what the dampers take;
     `swinging`: how far the system swings along a direction.
     """
-    flow = 2 + 4 * (modes if coupled else 1) + 4 * harmonics
-    like = (
-        modes,
-        stops,
-        harmonics,
-        coupled,
-        moving,
-        thorough,
-        wary,
-        compliant,
-        rigid,
-        forceful,
-        draining,
-        swinging,
-        far,
-        free,
-    )
-    sizes = _sizes(modes, stops, harmonics, flow, thorough, compliant, far, free, swinging)
-    return Layout(*like, flow, *accumulate(sizes.values(), initial=0))
+    n, s, m = shape.modes, shape.stops, shape.harmonics
+    flow, seen = 2 + 4 * (n if shape.coupled else 1) + 4 * m, dict.fromkeys(OBSERVED, False) | observed
+    sizes = _sizes(n, s, m, flow, seen["thorough"], shape.compliant, far, free, seen["swinging"])
+    like = vars(shape) | seen | {"far": far, "free": free, "flow": flow}
+    return Layout(*(like[name] for name in LIKE), *accumulate(sizes.values(), initial=0))

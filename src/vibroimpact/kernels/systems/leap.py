@@ -45,11 +45,10 @@ from vibroimpact.kernels.flight import BARELY, turned
 from vibroimpact.kernels.shared.deferred import deferred
 from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.shared.vectors import anywhere, fma, get, most, no, put, select
-from vibroimpact.kernels.systems.flow import move, stop_moves, turns
-from vibroimpact.kernels.systems.layout import CLOSED, OPEN, STRUCK
-from vibroimpact.kernels.systems.push import account, drain, stands
+from vibroimpact.kernels.systems.elements import CLOSED, OPEN, STRUCK
+from vibroimpact.kernels.systems.flow import clear, move, stands, stop_moves, turns
+from vibroimpact.kernels.systems.push import account, drain
 from vibroimpact.kernels.systems.reach import SPAN, in_reach
-from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH
 from vibroimpact.kernels.systems.step import fly, miss
 
 # Before a step come a half, far ones and wholes while they are certified, up to so many of each, and a half again.
@@ -279,7 +278,7 @@ def leap_within(rows, k, wide):
         last, least = first + k.flow, get(rows, first + k.flow + 2, wide)
         kind, (u, w, size) = get(rows, k.kind + z, wide), stands(rows, z, s, c, k, wide)
         certain = begun & (kind >= CLOSED) & (-w > least) & (-w >= get(rows, k.cut, wide))
-        certain = certain & (abs(u) <= TOUCH * size + NOWHERE * get(rows, k.speed, wide))
+        certain = certain & (abs(u) <= clear(rows, size, k, wide))
         if not anywhere(certain):
             continue
         if k.forceful or k.draining or k.wary:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from vibroimpact.kernels.leaps import TURN
 from vibroimpact.kernels.shared.machine import copy, inner, rare
-from vibroimpact.kernels.systems.layout import CLOSED
+from vibroimpact.kernels.systems.elements import CLOSED
 from vibroimpact.kernels.systems.march import AGAIN, HITS, STILL, WAITS
 
 SAME = 1e-12  # of V, and of a period

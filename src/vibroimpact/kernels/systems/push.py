@@ -29,19 +29,22 @@ from vibroimpact.kernels.shared.series import (
 )
 from vibroimpact.kernels.shared.trough import trough
 from vibroimpact.kernels.shared.vectors import anywhere, get, put, select
-from vibroimpact.kernels.systems.elements import end_law, force_law, is_compliant, quickens
-from vibroimpact.kernels.systems.flow import clearances, stop_moves, turns
-from vibroimpact.kernels.systems.layout import (
+from vibroimpact.kernels.systems.elements import (
     BALANCED,
     CLOSED,
-    NOTHING,
     OPEN,
     PASSING,
     RELEASED,
     RESTING,
     STRUCK,
+    end_law,
+    force_law,
+    is_compliant,
+    quickens,
 )
-from vibroimpact.kernels.systems.rest import NOWHERE, TOUCH, derivative, derive, measure, settle, size_of
+from vibroimpact.kernels.systems.flow import clear, clearances, stands, turns
+from vibroimpact.kernels.systems.layout import NOTHING
+from vibroimpact.kernels.systems.rest import derivative, derive, measure, settle, size_of
 
 SURE = 1e-9  # of p times the lengths that u is the sum of: what q u' adds to that is no rounding
 EARLY = 0.5  # of a step: so early e keeps the sign of its first derivative that is not zero
@@ -149,19 +152,6 @@ def set_free(rows, k, wide):
 
 
 @inner(forceinline=True)
-def stands(rows, z, sine, cosine, k, wide):
-    """Return a clearance, its rate, and the sum of the lengths that it is made of."""
-    u, w = stop_moves(rows, z, sine, cosine, k, wide)
-    size = abs(get(rows, k.gap + z, wide))
-    for j in range(k.modes):
-        alpha = get(rows, k.alpha + z * k.modes + j, wide)
-        moved = alpha * get(rows, k.eta + j, wide)
-        u, size = u - moved, size + abs(moved)
-        w = w - alpha * get(rows, k.rate + j, wide)
-    return u, w, size
-
-
-@inner(forceinline=True)
 def meet(rows, k, wide, contact):
     """Begin and end the usual contacts with compliant stops; return where they begin, where they end, and the speed.
 
@@ -175,12 +165,12 @@ def meet(rows, k, wide, contact):
     for z in range(k.stops):
         at_z, elsewhere = which == float(z), (which < float(z)) | (which > float(z))
         u, w, size = stands(rows, z, sine, cosine, k, wide)
-        clear = TOUCH * size + NOWHERE * get(rows, k.speed, wide)
+        least = clear(rows, size, k, wide)
         kind, soft, (p, q) = get(rows, k.kind + z, wide), is_compliant(rows, z, k, wide), end_law(rows, z, k, wide)
         first = at_z & soft & (kind < CLOSED) & (-w >= get(rows, k.cut, wide))
         first = first & ((q <= 0.0) | (-q * w > SURE * p * size))
-        last = at_z & soft & (kind >= CLOSED) & (w > 0.0) & ((q <= 0.0) | (u < -clear))
-        begins, ends = begins & (first | (elsewhere & (u > clear))), ends & (last | (elsewhere & (u > clear)))
+        last = at_z & soft & (kind >= CLOSED) & (w > 0.0) & ((q <= 0.0) | (u < -least))
+        begins, ends = begins & (first | (elsewhere & (u > least))), ends & (last | (elsewhere & (u > least)))
         speed = select(at_z, -w, speed)
         harder, thicker = quickens(rows, z, k, wide)
         hard, thick = select(at_z, harder, hard), select(at_z, thicker, thick)
@@ -246,14 +236,14 @@ def _decide(rows, z, k):
     pushed, (p, q) = rows[k.kind + z] >= CLOSED, end_law(rows, z, k, None)
     turns(rows, k, None)
     u, _, size = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
-    clear = TOUCH * size + NOWHERE * rows[k.speed]
-    if u > clear:
+    least = clear(rows, size, k, None)
+    if u > least:
         if pushed or rows[k.leaving + z] > 0.0:
             rows[k.kind + z], rows[k.leaving + z] = OPEN, 0.0
         return pushed
     rows[k.kind + z], rows[k.leaving + z] = OPEN, 0.0
     derive(rows, k, DEGREE)
-    touched = u >= -clear
+    touched = u >= -least
     order, value, lasts = first(rows, z, k, 1, 1.0, 0.0) if touched else (0, 0.0, 1.0)
     if touched and value >= 0.0:
         free = STRUCK if order == 1 else RESTING if order == 2 else RELEASED if order == 3 else -lasts

@@ -16,8 +16,7 @@ import math
 
 from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.shared.vectors import anywhere, fma, get, least, put, select
-from vibroimpact.kernels.systems.elements import force_law
-from vibroimpact.kernels.systems.layout import CLOSED
+from vibroimpact.kernels.systems.elements import CLOSED, force_law
 
 SPAN = 12.0  # steps: the most that are made before stops are sorted again, but for far leaps
 

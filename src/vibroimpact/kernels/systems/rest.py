@@ -8,14 +8,11 @@ from vibroimpact.kernels.shared.complementarity import FEW, PIVOTS, ROUNDING, co
 from vibroimpact.kernels.shared.deferred import deferred
 from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.shared.series import DEGREE, SIZE
-from vibroimpact.kernels.systems.elements import is_compliant
-from vibroimpact.kernels.systems.flow import fly_together, stop_moves, turns
-from vibroimpact.kernels.systems.layout import BALANCED, CLOSED, OPEN, PASSING, RELEASED, RESTING
+from vibroimpact.kernels.systems.elements import BALANCED, CLOSED, OPEN, PASSING, RELEASED, RESTING, is_compliant
+from vibroimpact.kernels.systems.flow import clear, fly_together, stands, turns
 from vibroimpact.kernels.systems.reach import in_reach
 
 SHORTENED = 4  # the highest derivative that most decisions take
-# Less is contact: of the lengths that a clearance is the sum of; and, where these vanish, of V times a step.
-TOUCH, NOWHERE = 1e-12, 1e-15
 
 
 @inner
@@ -27,16 +24,9 @@ def measure(rows, k, room):
         room.rate[z] = 0.0
         if not in_reach(rows, z, k, None):
             continue
-        u, w = stop_moves(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
-        size = abs(rows[k.gap + z])
-        for j in range(n):
-            alpha = rows[k.alpha + z * n + j]
-            u -= alpha * rows[k.eta + j]
-            size += abs(alpha * rows[k.eta + j])
-            w -= alpha * rows[k.rate + j]
-        room.rate[z] = w
+        u, room.rate[z], size = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
         open_rigid = rows[k.kind + z] < CLOSED and not is_compliant(rows, z, k, None)
-        if open_rigid and u <= TOUCH * size + NOWHERE * rows[k.speed]:
+        if open_rigid and u <= clear(rows, size, k, None):
             touching |= 1 << z
         if touching >> z & 1 or rows[k.kind + z] != OPEN or z == int(rows[k.which]):
             beside |= 1 << z

@@ -31,20 +31,19 @@ from vibroimpact.kernels.shared.series import (
 )
 from vibroimpact.kernels.shared.trough import trough
 from vibroimpact.kernels.shared.vectors import anywhere, fma, get, put, select
-from vibroimpact.kernels.systems.elements import while_away, while_pushing
-from vibroimpact.kernels.systems.flow import carry, clearances, couple, fly_alone, fly_apart, fly_together, move, turns
-from vibroimpact.kernels.systems.layout import (
+from vibroimpact.kernels.systems.elements import (
     BALANCED,
     CLOSED,
-    CONTACT,
-    NOTHING,
     OPEN,
     PASSING,
     RELEASED,
     RESTING,
-    STALLED,
     STRUCK,
+    while_away,
+    while_pushing,
 )
+from vibroimpact.kernels.systems.flow import carry, clearances, couple, fly_alone, fly_apart, fly_together, move, turns
+from vibroimpact.kernels.systems.layout import CONTACT, NOTHING, STALLED
 from vibroimpact.kernels.systems.push import account, drain, set_free
 from vibroimpact.kernels.systems.reach import in_reach
 from vibroimpact.kernels.systems.swing import end_with_period, swing

@@ -13,9 +13,8 @@ from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.shared.series import SIZE, bend, coefficients, load, plus_times, times, valued
 from vibroimpact.kernels.shared.trough import trough
 from vibroimpact.kernels.shared.vectors import anywhere, get, least, most, no, put, select
-from vibroimpact.kernels.systems.elements import is_compliant
+from vibroimpact.kernels.systems.elements import pushes
 from vibroimpact.kernels.systems.flow import driven, sine_cosine
-from vibroimpact.kernels.systems.layout import CLOSED
 from vibroimpact.kernels.systems.push import NODES
 
 # The time of the sums, in steps, the sums, the least and the largest y, and the time up to the end of a driving period.
@@ -91,12 +90,12 @@ def _stretch(rows, a, end, k, wide):
 def _strengthen(rows, end, pace, k, wide):
     """Add the squares of the forces with which compliant stops push."""
     for z in range(k.stops):
-        pushes = (get(rows, k.kind + z, wide) >= CLOSED) & is_compliant(rows, z, k, wide)
-        if not anywhere(pushes):
+        pushing = pushes(rows, z, k, wide)
+        if not anywhere(pushing):
             continue
         a, square = coefficients(times(load(rows, k.hold + z * SIZE, wide), 1.0 / (pace * pace))), 0.0 * end
         for node, weight in NODES:
             force, _ = valued(a, node * end)
             square = square + weight * force * force
         sums = get(rows, k.strength + z, wide)
-        put(rows, k.strength + z, wide, sums + select(pushes, square * end * pace, 0.0))
+        put(rows, k.strength + z, wide, sums + select(pushing, square * end * pace, 0.0))

@@ -13,16 +13,15 @@ from vibroimpact.kernels.shared.machine import compiled, copy, inner
 from vibroimpact.kernels.shared.series import SIZE, evaluate, load
 from vibroimpact.kernels.shared.vectors import LANES, anywhere, get, put, select
 from vibroimpact.kernels.systems.closing import part_lanes, stays_pressed
-from vibroimpact.kernels.systems.elements import is_compliant
+from vibroimpact.kernels.systems.elements import CLOSED, is_compliant
 from vibroimpact.kernels.systems.event import lift, lower, rigid, walk_on
-from vibroimpact.kernels.systems.flow import move, turns
+from vibroimpact.kernels.systems.flow import move, stands, turns
 from vibroimpact.kernels.systems.lasting import lasting
 from vibroimpact.kernels.systems.law import begin, bounce
-from vibroimpact.kernels.systems.layout import CLOSED, NOTHING
+from vibroimpact.kernels.systems.layout import NOTHING
 from vibroimpact.kernels.systems.leap import HALF
 from vibroimpact.kernels.systems.march import GRANTED, HITS, STEPS, ending, happen, lasting_is_due, moment
 from vibroimpact.kernels.systems.pressed import in_contact, is_pressed, repetition_is_due
-from vibroimpact.kernels.systems.push import stands
 from vibroimpact.kernels.systems.rest import measure
 from vibroimpact.kernels.systems.step import BACK, fly_on, fly_one
 from vibroimpact.kernels.systems.tangent import happen_beside
