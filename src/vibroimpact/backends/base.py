@@ -226,6 +226,18 @@ def impacts_status(impacts: Floats, sticks: Floats, window: ImpactWindow, ended:
     return window_status(sampled=len(impacts), wanted=window.keep, stuck=len(sticks) > 0, periods=span, ended=ended)
 
 
+def within_impacts(impacts: Floats, rests: Floats, window: ImpactWindow, ended: Status) -> tuple[Floats, Status]:
+    """Return the rests between the first and the last impact of a window, and the status of its motion.
+
+    The first columns of impacts, and those of rests after the number of a stop, are times in whole periods and phase.
+    """
+    turns, filled = impacts[:, 0] + impacts[:, 1], len(impacts) == window.keep
+    first, last = (turns[0], turns[-1] if filled else math.inf) if len(turns) else (math.inf, -math.inf)
+    later = np.isnan(rests[:, 3]) | (rests[:, 3] + rests[:, 4] > first)
+    rests = rests[later & (rests[:, 1] + rests[:, 2] < last)]
+    return rests, impacts_status(impacts, rests, window, ended)
+
+
 def looks_status(sticks: Floats, first: float, pressed: bool) -> Status:
     """Return the status of a full stroboscopic window that begins `first` periods from time 0, from rows of sticks.
 

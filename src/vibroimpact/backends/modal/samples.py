@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, Samples, impacts_status, looks_status
+from vibroimpact.backends.base import Floats, ImpactWindow, Measurement, Samples, looks_status, within_impacts
 from vibroimpact.backends.modal.rows import budgets_of, in_steps, steps_of
 from vibroimpact.backends.modal.sweep import alone_for, layout_for, noted, room_for
 from vibroimpact.backends.scalar import aligned, ended_as
@@ -130,7 +130,7 @@ class _Recorder:
         looks = self._buffers.looks[lane, : self._buffers.filled[lane, 1]].copy()
         ended = ended_as(int(self._busy.ends[lane]), bool(note[march.HITS]))
         if isinstance(self._window, ImpactWindow):
-            rests, status = _within_impacts(impacts, rests, self._window, ended)
+            rests, status = within_impacts(impacts, rests, self._window, ended)
         else:
             step = h * cell["omega"][0] / (2.0 * math.pi)
             impacts, rests, status = _within_looks(impacts, rests, times.sum(axis=0), step, ended)
@@ -165,15 +165,6 @@ class _Recorder:
             last_velocity=shapes @ rows[k.rate : k.rate + n] / h,
             last_phase=march.moment.py_func(*rows[k.turn : k.turn + 3])[1],
         )
-
-
-def _within_impacts(impacts: Floats, rests: Floats, window: ImpactWindow, ended: Status) -> tuple[Floats, Status]:
-    """Return the rests between the first and the last impact of a window, and the status of its motion."""
-    turns, filled = impacts[:, 0] + impacts[:, 1], len(impacts) == window.keep
-    first, last = (turns[0], turns[-1] if filled else math.inf) if len(turns) else (math.inf, -math.inf)
-    later = np.isnan(rests[:, 3]) | (rests[:, 3] + rests[:, 4] > first)
-    rests = rests[later & (rests[:, 1] + rests[:, 2] < last)]
-    return rests, impacts_status(impacts, rests, window, ended)
 
 
 def _within_looks(

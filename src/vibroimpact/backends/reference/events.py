@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vibroimpact.backends.reference.phases import Equations, Phase
-from vibroimpact.backends.reference.pushes import Push
 from vibroimpact.backends.reference.stops import Floats
+from vibroimpact.model.elements import Contact
 
 
 @dataclass(frozen=True)
@@ -88,21 +88,11 @@ class Event:
     simultaneous: bool = False
     closed: tuple[int, ...] = ()
 
-    def after(self, push: Push, since: float) -> Event:
+    def after(self, push: Contact, since: float) -> Event:
         """Return the event updated by a later push of the stop, which began `since` the impact, in s."""
-        harder, deeper = push.peak_force > self.peak_force, push.penetration > self.penetration
-        return replace(
-            self,
-            impulse=self.impulse + push.impulse,
-            energy_lost=self.energy_lost + push.energy_lost,
-            peak_force=max(self.peak_force, push.peak_force),
-            penetration=max(self.penetration, push.penetration),
-            contact_time=self.contact_time + push.contact_time,
-            exit_time=since + push.contact_time,
-            exit_velocity=push.rate,
-            peak_force_time=since + push.peak if harder else self.peak_force_time,
-            penetration_time=since + push.deepest if deeper else self.penetration_time,
-        )
+        so_far = Contact(*(getattr(self, name) for name in Contact._fields))
+        times = {name: since + getattr(push, name) for name in ("exit_time", "peak_force_time", "penetration_time")}
+        return replace(self, **so_far.joined(push._replace(**times))._asdict())
 
 
 class Flight(NamedTuple):

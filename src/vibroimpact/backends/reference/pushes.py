@@ -2,45 +2,22 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.optimize import brentq
 
 from vibroimpact.backends.reference.phases import CLEARANCE, FORCE, NEARLY, TERMS, Phase
 from vibroimpact.backends.reference.stops import Floats
+from vibroimpact.model.elements import Contact
 
 # Quadrature over a stride, exact to rounding even for the product of two series.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
-class Push(NamedTuple):
-    """The effect of a stop during an interval in which it pushed.
+def pushes(phase: Phase, x: Floats, time: float) -> dict[int, Contact]:
+    """Return the effect of each stop that pushes or is held in a phase over a time from x, at most a block.
 
-    Parameters
-    ----------
-    impulse, energy_lost : float
-        Integrals of F in N s and of F d' in J, d = -u.
-    peak_force, penetration, contact_time : float
-        The largest F in N and d in m, and the duration in s.
-    peak, deepest : float
-        The times of the largest F and d, in s from the beginning.
-    rate : float
-        The rate of the clearance at the end, in m/s.
+    Times count from x.
     """
-
-    impulse: float
-    energy_lost: float
-    peak_force: float
-    penetration: float
-    contact_time: float
-    peak: float
-    deepest: float
-    rate: float
-
-
-def pushes(phase: Phase, x: Floats, time: float) -> dict[int, Push]:
-    """Return the effect of each stop that pushes or is held in a phase over a time from x, at most a block."""
     if not phase.pushing and not phase.held:
         return {}
     states, lengths = phase.strides(x, time)
@@ -55,7 +32,7 @@ def pushes(phase: Phase, x: Floats, time: float) -> dict[int, Push]:
         lost = -at * np.einsum("ip,inp->in", rate, powers)
         (peak, largest), (deepest, depth) = _largest(force, lengths), _largest(-clearance, lengths)
         leaves = float(rate[-1] @ lengths[-1] ** np.arange(TERMS))
-        work[j] = Push(float(at.sum()), float(lost.sum()), largest, depth, time, peak, deepest, leaves)
+        work[j] = Contact(float(at.sum()), time, largest, depth, float(lost.sum()), leaves, time, peak, deepest)
     return work
 
 

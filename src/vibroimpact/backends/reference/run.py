@@ -11,8 +11,8 @@ from vibroimpact.backends.base import (
     ImpactWindow,
     LooksWindow,
     Samples,
-    impacts_status,
     looks_status,
+    within_impacts,
 )
 from vibroimpact.backends.reference.designs import Design, LawlessError
 from vibroimpact.backends.reference.endings import Endings
@@ -93,11 +93,7 @@ class Run:
             break
         kept = walk.impacts[window.transient : wanted]
         impacts, rests = self._impacts(kept), self._rests()
-        turns, full = impacts["periods"] + impacts["phase"], len(kept) == window.keep
-        first, last = (turns[0], turns[-1] if full else math.inf) if len(kept) else (math.inf, -math.inf)
-        ends = rests[:, 3] + rests[:, 4]
-        rests = rests[(np.isnan(ends) | (ends > first)) & (rests[:, 1] + rests[:, 2] < last)]
-        status = impacts_status(np.column_stack([impacts["periods"], impacts["phase"]]), rests, window, ended)
+        rests, status = within_impacts(np.column_stack([impacts["periods"], impacts["phase"]]), rests, window, ended)
         at = walk.at
         return self._samples(impacts, rests, status, (at.displacement, at.velocity, at.phase))
 

@@ -27,8 +27,9 @@ from vibroimpact.backends.reference.phases import (
     Watch,
     Which,
 )
-from vibroimpact.backends.reference.pushes import Push, pushes
+from vibroimpact.backends.reference.pushes import pushes
 from vibroimpact.backends.reference.stops import Floats
+from vibroimpact.model.elements import Contact
 
 TOUCH = 1e-13  # relative to a clearance's terms: a smaller clearance is contact
 CUT = 1e-10  # of the fastest impact so far: chatter below it is completed
@@ -51,7 +52,7 @@ class Walk:
         self.events: list[Event] = []
         self.recorded, self.full = 0, False
         self.flight: Flight | None = None  # the last one, and what stops took from it
-        self.pushes: dict[int, Push] = {}
+        self.pushes: dict[int, Contact] = {}
         self.calm = 0.0  # how long, in s, the present phase has lasted
         self.jumps: list[tuple[Which, Floats]] = []  # stops whose impulses acted in this event, and their 1 + d(r v)/dv
         self.struck = 0.0  # the largest closing speed in this event
