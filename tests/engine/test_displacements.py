@@ -110,40 +110,6 @@ def test_without_contact_they_are_those_of_a_linear_system_under_a_constant_load
         assert np.allclose([float(cell[name]) for name in DISPLACEMENTS], wanted, rtol=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_of_one_mass_both_engines_find_the_same(request, seed):
-    rng = np.random.default_rng([29, seed])
-    mass, damping, restitution = rng.uniform(0.3, 3.0), 10.0 ** rng.uniform(-3.0, 0.5), rng.uniform()
-    gap, constant, towards = rng.choice([0.0, 0.3, -0.2, 1.5]), rng.choice([0.0, 0.3]), rng.choice([-1.0, 1.0])
-
-    def machine(omega=1.0):
-        force = vi.Force(omega=omega, harmonics={1: 0.6 - 0.8j}, constant=constant)
-        stop = vi.Stop(direction=2.0 * towards, gap=gap, restitution=restitution, name="wall")
-        return vi.ImpactSystem(mass=mass, damping=damping, stiffness=1.0, force=force, stops=[stop])
-
-    of_impacts = "n_periods", "n_impacts", "max_velocity"
-
-    def both(of):
-        how = {"transient_impacts": 3000, "sample_impacts": 400, "of": of, "workers": 1}
-        return vi.parameter_map(
-            vi.family(machine), omega=np.linspace(0.3, 5.0, 60), indices=[*DISPLACEMENTS, *of_impacts], **how
-        )
-
-    found = [both(0), both("wall")]
-    request.getfixturevalue("modal_engine")
-    for one, other in zip(found, [both(0), both("wall")], strict=True):
-        repeats = (one["n_periods"] < 20) & ((one["n_periods"] > 0) | (one["status"] > vi.Status.SHORT_WINDOW))
-        for name in of_impacts:  # of several motions that a cell may settle on, each engine may find another
-            repeats &= one[name].fillna(0.0).pipe(np.isclose, other[name].fillna(0.0), rtol=1e-9)
-        assert repeats.sum() > 20
-        for name in DISPLACEMENTS[:-1]:
-            off = abs(one[name] - other[name]) / other["rms"]
-            assert off.where(repeats).max() < 1e-8, name
-        turned = abs(np.exp(1j * one["harmonic_phase"]) - np.exp(1j * other["harmonic_phase"]))
-        off = turned * one["harmonic_amplitude"] / one["rms"]
-        assert off.where(repeats).max() < 1e-8
-
-
 def test_the_clearance_of_a_stop_that_moves_is_never_negative_and_closes():
     model = two_masses()
     name = next(stop.name for stop in model.stops if stop.motion)

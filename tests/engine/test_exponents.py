@@ -157,17 +157,6 @@ def test_the_exponent_of_a_cycle_is_that_of_differences(name):
             assert orbit.determinant == pytest.approx(np.prod(orbit.multipliers).real, rel=1e-9)
 
 
-def test_one_mass_has_the_motions_of_the_oscillator():
-    omega = [0.1, 0.3, 0.9, 1.1, 2.0, 2.8]
-    sweep = vi.parameter_map(vi.ImpactOscillator(), omega=omega, indices=NAMED, early_closing=False)
-    as_system = vi.parameter_map(one_mass(vi.ImpactOscillator()), omega=omega, indices=NAMED)
-    for name in NAMED[:2]:
-        assert as_system[name].values.tolist() == sweep[name].values.tolist()
-    found, known = as_system["lyapunov_per_impact"].values, sweep["lyapunov_per_impact"].values
-    assert found[:2].tolist() == [-math.inf, -math.inf]
-    assert found[2:] == pytest.approx(known[2:], abs=0.02)
-
-
 def test_a_mass_that_is_held_for_ever_leaves_the_exponent_of_the_other():
     model = vi.ImpactSystem(
         mass=[[1.0, 0.2], [0.2, 1.0]],

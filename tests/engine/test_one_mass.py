@@ -9,9 +9,7 @@ import vibroimpact as vi
 from codes import Witness
 from systems import impacts, one_mass
 from vibroimpact.backends import one_mass as engine
-from vibroimpact.indices import INDICES
-
-SAMPLES = {"transient_impacts": 200, "sample_impacts": 500, "workers": 1}
+from vibroimpact.indices import DISPLACEMENTS, INDICES
 
 
 def a_machine(seed, settled=False):
@@ -48,22 +46,34 @@ def a_machine(seed, settled=False):
     return system, oscillator, start
 
 
+@pytest.mark.parametrize("engine", ["engine of one mass", "engine of systems"])
 @pytest.mark.parametrize("block", range(4))
-def test_its_indices_are_those_of_the_oscillator_that_it_is(block):
+def test_its_indices_are_those_of_the_oscillator_that_it_is(request, engine, block):
+    if systems := engine == "engine of systems":
+        request.getfixturevalue("modal_engine")
+    how = {"indices": [*INDICES, *DISPLACEMENTS], "transient_impacts": 3000, "sample_impacts": 500, "workers": 1}
     settled = 0
     for seed in range(10 * block, 10 * block + 10):
         system, oscillator, start = a_machine(seed)
         for omega in system.omega * np.linspace(0.9, 1.1, 5):
             there = vi.State(start.displacement, 0.0, start.time * system.omega / omega)
-            ours = vi.parameter_map(system, omega=[omega], indices=tuple(INDICES), **SAMPLES)
-            theirs = vi.parameter_map(oscillator, omega=[omega], indices=tuple(INDICES), start=there, **SAMPLES)
-            if theirs["n_periods"] == 0 or theirs["lyapunov"] > -0.02 * system.omega:
+            ours = vi.parameter_map(system, omega=[omega], of=system.stop_names[0], **how)
+            theirs = vi.parameter_map(oscillator, omega=[omega], of=oscillator.stop_names[0], start=there, **how)
+            if not 0 < theirs["n_periods"] < 20 or theirs["lyapunov"] > -0.02 * system.omega:
                 continue  # chaos, or hardly attracting: rounding grows
             settled += 1
             assert ours["status"] == theirs["status"]
-            for name in INDICES:
-                near = {"rel": 1e-6, "abs": 1e-9 * float(theirs["max_velocity"].fillna(1.0)[0])}
-                assert float(ours[name][0]) == pytest.approx(float(theirs[name][0]), **near, nan_ok=True), (seed, name)
+            turned = theirs["harmonic_phase"].item() + start.time * system.omega
+            phasors = (
+                np.exp(1j * np.array([ours["harmonic_phase"].item(), turned])) * theirs["harmonic_amplitude"].item()
+            )
+            assert phasors[0] == pytest.approx(phasors[1], rel=1e-10)
+            # That engine averages over its window, and finds the least clearance only nearly.
+            loose = {"grazing_margin", *(() if theirs["n_impacts"] == 1 else ("impacts_per_period", "dissipation"))}
+            for name in set(how["indices"]) - {"harmonic_phase"} - (loose if systems else set()):
+                near = 1e-8 if systems and "lyapunov" in name else 1e-10
+                near = {"rel": near, "abs": near * float(theirs["max_velocity"].fillna(1.0)[0])}
+                assert ours[name].item() == pytest.approx(theirs[name].item(), **near, nan_ok=True), (seed, name)
     assert settled > 10
 
 
@@ -259,52 +269,6 @@ def test_random_oscillators_make_the_same_first_20_impacts(code):
             growth = np.maximum.accumulate(np.abs(near[part].values - known[part].values)) / 1e-9
             wrong = np.abs(hits[part] - known[part].values)
             assert (wrong <= 1e-12 * (1 + known[part].values) + 1e-13 * growth).all()
-
-
-@pytest.mark.long
-def test_settled_random_systems_of_one_coordinate_move_as_the_oscillator_does(modal_engine):
-    rng = np.random.default_rng(20261123)
-    names, sticks, settled = ("velocity", "time", "phase", "stick_time", "release_time"), 0, 0
-    while settled < 200:
-        osc = vi.ImpactOscillator(
-            mass=rng.uniform(0.3, 3),
-            stiffness=rng.uniform(0.3, 3),
-            damping=rng.uniform(0.05, 0.5),
-            amplitude=rng.uniform(0.3, 2),
-            omega=rng.choice([rng.uniform(0.1, 0.5), rng.uniform(0.6, 3)]),
-            restitution=rng.choice([0.0, rng.uniform(0.1, 0.6)]),
-            gap=rng.uniform(-0.3, 0.3),
-        )
-        hits, other = impacts(osc, 20, 100), impacts(one_mass(osc), 20, 100)
-        assert int(hits["status"]) == int(other["status"])
-        sticks += hits.sizes["stick"]
-        assert hits.sizes["impact"] == other.sizes["impact"]
-        if not hits.sizes["impact"]:
-            continue
-        drift = impacts(osc, 20, 100, start=vi.State(min(0.0, osc.gap) - 1e-9))
-        if drift.sizes["impact"] != hits.sizes["impact"] or np.abs(drift["velocity"] - hits["velocity"]).max() > 1e-9:
-            continue  # not settled
-        settled += 1
-        for name in names:
-            size = osc.period if "time" in name else 1.0
-            np.testing.assert_allclose(other[name] / size, hits[name] / size, rtol=1e-12, atol=1e-12, err_msg=name)
-    assert sticks > 100
-
-
-def test_indices_of_maps_are_those_of_the_oscillator(modal_engine):
-    osc = vi.ImpactOscillator(damping=0.2, omega=1.4, restitution=0.6, gap=0.1)
-    names = ("std", "mean_velocity", "max_velocity", "impacts_per_period", "dissipation", "impact_phase_spread")
-    axis = np.linspace(0.3, 3.0, 40)
-    own, other = (
-        vi.parameter_map(model, omega=axis, indices=names, transient_impacts=2000, sample_impacts=600)
-        for model in (osc, one_mass(osc))
-    )
-    once = (own["impacts_per_period"].values == 1.0) & np.isclose(own["std"], 0.0, atol=1e-9)
-    assert once.sum() > 8
-    for name in names:
-        np.testing.assert_allclose(
-            other[name].values[once], own[name].values[once], rtol=1e-10, atol=1e-10, err_msg=name
-        )
 
 
 @pytest.mark.parametrize("omega", [1.4, 0.4])
