@@ -7,70 +7,25 @@ import pytest
 
 import vibroimpact as vi
 from designs import random_designs
-from systems import STEEL, a_random_system, chain, changed, free_masses, on_springs, sticking, system, two_masses
+from systems import (
+    STEEL,
+    a_random_system,
+    chain,
+    changed,
+    free_masses,
+    on_springs,
+    random_pair,
+    sticking,
+    system,
+    two_masses,
+)
 from vibroimpact.coexistence.measuring import Runner
-from vibroimpact.indices import INDICES as EVERY_INDEX
+from vibroimpact.indices import INDICES
 from vibroimpact.model.scales import scale_of
 from vibroimpact.verdict.boundaries import nearest_boundaries
 from vibroimpact.verdict.branches import Branches
 from vibroimpact.verdict.present import present_motion
 from vibroimpact.verdict.ranges import range_of
-
-OMEGA = np.linspace(0.1, 5.0, 15)
-MASS = np.linspace(0.2, 4.0, 5)
-INDICES = ("std", "mean_velocity", "max_velocity", "impacts_per_period")
-BASE = {"damping": 0.01, "stiffness": 1.0, "amplitude": 1.0, "gap": -0.05}
-
-
-def sweep(omega, mass, **parameters):
-    osc = vi.ImpactOscillator(**{**BASE, **parameters})
-    return vi.parameter_map(osc, omega=omega, mass=mass, indices=INDICES, transient_impacts=200, sample_impacts=300)
-
-
-def scaled_by_force(s):
-    """(s m, s c, s k, s f) leaves the motion alone."""
-    return sweep(OMEGA, s * MASS, damping=s * 0.01, stiffness=s, amplitude=s), 1.0
-
-
-def scaled_by_length(s):
-    """(s f, s g) scales displacements and velocities by s."""
-    return sweep(OMEGA, MASS, amplitude=s, gap=-0.05 * s), s
-
-
-def scaled_by_time(s):
-    """(m / s^2, c / s, k, f, s w) sends t to t / s and velocities to s times themselves."""
-    return sweep(s * OMEGA, MASS / s**2, damping=0.01 / s), s
-
-
-SCALINGS = [scaled_by_force, scaled_by_length, scaled_by_time]
-
-
-@pytest.fixture(scope="module")
-def plain():
-    return sweep(OMEGA, MASS)
-
-
-@pytest.mark.parametrize("scaling", SCALINGS)
-@pytest.mark.parametrize("factor", [0.25, 2.0, 1024.0])
-def test_powers_of_two_scale_every_cell_bit_for_bit(plain, scaling, factor):
-    scaled, velocity = scaling(factor)
-    assert {0, 2} <= set(np.unique(plain["status"]))
-    assert np.array_equal(scaled["status"], plain["status"])
-    for name in ("std", "mean_velocity", "max_velocity"):
-        assert np.array_equal(scaled[name], velocity * plain[name], equal_nan=True)
-    assert np.array_equal(scaled["impacts_per_period"], plain["impacts_per_period"], equal_nan=True)
-
-
-@pytest.mark.parametrize("scaling", SCALINGS)
-@pytest.mark.parametrize("factor", [0.3, 7.0])
-def test_other_factors_scale_settled_cells_to_rounding(plain, scaling, factor):
-    scaled, velocity = scaling(factor)
-    settled = plain["std"].values < 1e-10
-    assert settled.sum() > 10
-    for name in ("std", "mean_velocity", "max_velocity"):
-        assert scaled[name].values[settled] == pytest.approx(
-            velocity * plain[name].values[settled], abs=1e-9 * velocity
-        )
 
 
 def drawn_with(n):
@@ -82,7 +37,11 @@ def drawn_with(n):
 
 
 LINKS = [vi.Stop(direction=a, gap=0.5) for a in ([1, -1, 0], [-1, 1, 0], [0, 1, -1], [0, -1, 1])]
-SYSTEMS_OF_ANY_KIND = {
+ONE_MASS = vi.ImpactOscillator(omega=2.5, damping=0.2, restitution=0.6, gap=-0.05)
+MODELS = {
+    "one mass": ONE_MASS,
+    "one mass, chaos": vi.ImpactOscillator(omega=2.8, gap=-0.05),
+    "one mass that rests": ONE_MASS.replace(omega=0.4, restitution=0.2),
     "a chain": chain(),
     "a moving stop, a constant load": two_masses(),
     "rests": sticking(),
@@ -93,20 +52,42 @@ SYSTEMS_OF_ANY_KIND = {
 }
 
 
-@pytest.mark.parametrize("unit", ["mass", "length", "time", "all"])
-@pytest.mark.parametrize("name", SYSTEMS_OF_ANY_KIND)
-def test_powers_of_two_scale_every_cell_of_a_system_bit_for_bit(name, unit):
-    system, powers = SYSTEMS_OF_ANY_KIND[name], {"mass": 2.0**-7, "length": 2.0**9, "time": 2.0**5}
-    powers = {one: power if unit in (one, "all") else 1.0 for one, power in powers.items()}
-    mass, length, time = powers.values()
-    window = {"indices": tuple(EVERY_INDEX), "transient_impacts": 50, "sample_impacts": 100}
-    omega = system.omega * np.linspace(0.5, 2.0, 12)
-    plain = vi.parameter_map(system, omega=omega, **window)
-    scaled = vi.parameter_map(changed(system, **powers), omega=omega / time, **window)
+def mapped_in_units(model, mass, length, time):
+    """Yield each index of a map as it is in other units, and as it would be by its unit."""
+    how = {"indices": tuple(INDICES), "transient_impacts": 200, "sample_impacts": 300}
+    omega = model.omega * np.linspace(0.5, 2.0, 12)
+    plain = vi.parameter_map(model, omega=omega, **how)
+    scaled = vi.parameter_map(in_units(model, mass, length, time), omega=omega / time, **how)
     units = {"m/s": length / time, "1/s": 1 / time, "J": mass * length**2 / time**2, "m": length, "1": 1.0}
-    for index in ("status", *EVERY_INDEX):
-        unit_of = 1.0 if index == "status" else units[EVERY_INDEX[index].units]
-        assert np.array_equal(scaled[index], unit_of * plain[index], equal_nan=True), index
+    for index in ("status", *INDICES):
+        yield (
+            index,
+            scaled[index].values,
+            (1.0 if index == "status" else units[INDICES[index].units]) * plain[index].values,
+        )
+
+
+@pytest.mark.parametrize("unit", ["mass", "length", "time", "all"])
+@pytest.mark.parametrize("name", MODELS)
+def test_powers_of_two_scale_every_cell_bit_for_bit(name, unit):
+    powers = {"mass": 2.0**-7, "length": 2.0**9, "time": 2.0**5}
+    powers = {one: power if unit in (one, "all") else 1.0 for one, power in powers.items()}
+    for index, found, expected in mapped_in_units(MODELS[name], **powers):
+        assert np.array_equal(found, expected, equal_nan=True), index
+        assert index != "status" or vi.Status.STICKING in found or "rests" not in name
+
+
+@pytest.mark.parametrize("unit", ["mass", "length", "time"])
+@pytest.mark.parametrize("factor", [0.3, 7.0])
+def test_other_factors_scale_cycles_to_rounding(unit, factor):
+    units = {"mass": 1.0, "length": 1.0, "time": 1.0} | {unit: factor}
+    found = {index: values for index, *values in mapped_in_units(ONE_MASS, **units)}
+    speed = units["length"] / units["time"]
+    settled = found["std"][1] < 1e-10 * speed
+    assert settled.sum() > 8
+    for name in ("std", "mean_velocity", "max_velocity"):
+        there, here = found[name]
+        assert there[settled] == pytest.approx(here[settled], abs=1e-9 * speed)
 
 
 # Verdicts in other units
@@ -168,6 +149,11 @@ def test_a_verdict_on_one_mass_does_not_depend_on_units(seed):
     (osc,), powers = random_designs(rng, 1), 2.0 ** rng.integers(-9, 10, 3)
     osc = osc.replace(**{str(rng.choice(["damping", "restitution", "gap"])): 0.0})
     assert_the_same_in_units(osc, sorted({"gap", str(rng.choice(list(osc.values)))}), *powers.tolist())
+
+
+@pytest.mark.parametrize("model", [vi.ImpactOscillator(omega=1.4), random_pair(10)], ids=["one mass", "two masses"])
+def test_a_verdict_in_micrometres_and_milliseconds_has_the_same_words(model):
+    assert_the_same_in_units(model, ["omega"], 1.0, 1e-6, 1e-3)
 
 
 @pytest.mark.long

@@ -10,7 +10,7 @@ import pytest
 import vibroimpact as vi
 from designs import RARE, random_oscillator
 from differences import derivative
-from systems import FORMS, THREE, TWINS, changed, linear, one_mass, random_pair, sticking, two_sided
+from systems import FORMS, THREE, TWINS, linear, one_mass, random_pair, sticking, two_sided
 from texts import line, numbers, text_of
 from vibroimpact.backends import get_backend
 from vibroimpact.indices import INDICES
@@ -359,26 +359,6 @@ def test_a_motion_that_outlasts_its_budget_is_told_as_such(model):
     assert verdict.kind == "budget"
     assert "raise `flight_periods` or `steps_per_impact`" in text_of(verdict)
     assert "none, as the motion from rest was not followed to its end" in text_of(verdict)
-
-
-TINY = {  # in micrometres and milliseconds
-    "one mass": (
-        vi.ImpactOscillator(omega=1.4),
-        vi.ImpactOscillator(mass=1.0, damping=10.0, stiffness=1e6, amplitude=1.0, omega=1400.0),
-    ),
-    "two masses": (random_pair(10), changed(random_pair(10), length=1e-6, time=1e-3)),
-}
-
-
-@pytest.mark.parametrize("name", TINY)
-def test_units_a_million_times_off_change_no_words(name):
-    """Metres and seconds against micrometres and milliseconds: the same shares, kinds and percentages."""
-    one, other = (vi.describe(model, parameters=["omega"]) for model in TINY[name])
-    assert one.motion.name == other.motion.name
-    assert [motion.share for motion in one.attractors] == [motion.share for motion in other.attractors]
-    for a, b in zip(one.boundaries, other.boundaries, strict=True):
-        assert (a.kind, a.beyond) == (b.kind, b.beyond)
-        assert a.change == pytest.approx(b.change, rel=1e-9)
 
 
 @pytest.mark.parametrize("model", [vi.ImpactOscillator(), random_pair(10)], ids=["one mass", "two masses"])
