@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import signal
 import subprocess
 import sys
 
@@ -439,21 +437,6 @@ def test_a_plain_result_is_no_store_to_go_on_with(run, tmp_path):
     assert "exists" in complaints[-1]
     code, lines, _ = run("info map.zarr")
     assert (code, lines[0]) == (0, "1 cell from rest at y = min(0, gap): angular driving frequency 2 rad/s")
-
-
-@pytest.mark.long
-@pytest.mark.skipif(os.name == "nt", reason="a child cannot be sent Ctrl-C alone")
-def test_ctrl_c_ends_a_running_map_with_exit_code_130_and_a_store_that_opens(tmp_path):
-    out = tmp_path / "map.zarr"
-    process = child("map", "--x", "w=0.1:5:400", "--y", "m=0.1:5:400", "--sample-impacts", "500", "--out", str(out))
-    assert process.stderr is not None
-    process.stderr.readline()
-    process.send_signal(signal.SIGINT)
-    _, complaints = process.communicate(timeout=600)
-    assert process.returncode == 130, complaints
-    assert "Traceback" not in complaints
-    assert names(tmp_path) == ["map.zarr"]
-    assert vi.Status.INTERRUPTED in vi.load(out)["status"].values
 
 
 @pytest.mark.long

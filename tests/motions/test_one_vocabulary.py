@@ -147,18 +147,6 @@ def name_of_cell(osc, **sampling):
     return cell, kind, motion_name(kind, int(classes["n_periods"]), int(classes["n_impacts"]))
 
 
-@pytest.mark.long
-def test_a_verdict_names_the_motion_as_the_map_of_its_samples_or_that_as_a_transient(oscillators):
-    for osc in oscillators[::10]:
-        verdict = vi.describe(osc, parameters=[])
-        _, kind, name = name_of_cell(osc)  # with the paper's sampling, as the verdict
-        if not verdict.transient:
-            assert (verdict.kind, verdict.motion.name) == (kind.word, name)
-        assert name == (verdict.transient or verdict.motion.name)
-        assert name in " ".join(str(verdict).split())
-        assert next(motion for motion in verdict.attractors if motion.from_rest).name == verdict.motion.name
-
-
 def test_the_explorer_names_a_point_as_the_map_of_its_samples(oscillators):
     for osc in oscillators[::5]:
         _, _, name = name_of_cell(osc, transient_impacts=100, sample_impacts=500)

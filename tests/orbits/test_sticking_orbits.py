@@ -105,16 +105,6 @@ def test_a_settled_section_is_recognised_as_the_same_motion(name):
     assert name not in OSCILLATORS or len(motion.velocities) == count
 
 
-def test_independent_code_finds_the_same_chatter_and_stick():
-    orbit = orbit_of("half a gap")
-    hits = vi.impact_section(
-        orbit.oscillator, start=orbit.start, transient_impacts=0, sample_impacts=100, backend="reference"
-    )
-    count = len(orbit.velocities)
-    assert hits["velocity"].values[:count] == pytest.approx(orbit.velocities, rel=1e-7, abs=1e-12)
-    assert hits["stick_time"].values[0] / orbit.oscillator.period % 1 == pytest.approx(orbit.stick_phase, abs=1e-10)
-
-
 @pytest.mark.parametrize("name", MODELS)
 def test_the_witness_comes_back_to_where_an_orbit_begins_and_rests_as_long(name):
     orbit = orbit_of(name)

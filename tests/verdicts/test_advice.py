@@ -14,7 +14,7 @@ from texts import hardest_hit, text_of
 from vibroimpact import models
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow
 from vibroimpact.coexistence.measuring import Runner
-from vibroimpact.motion import motion_name, refined
+from vibroimpact.motion import MotionClass, motion_name, refined
 from vibroimpact.verdict import Verdict
 from vibroimpact.verdict.advice import advise
 from vibroimpact.verdict.branches import Branches
@@ -107,6 +107,8 @@ def check_agreement(verdict):
     kind = refined(int(named["motion"]), int(sweep["status"][0]))
     name = motion_name(int(kind), int(named["n_periods"]), int(named["n_impacts"]))
     assert name == (verdict.transient or verdict.motion.name), osc
+    assert name in " ".join(str(verdict).split()), osc
+    assert verdict.transient or verdict.kind == MotionClass(int(kind)).word, osc
     mine, *_ = verdict.attractors
     assert mine.from_rest
     letter = mine.name.removeprefix(verdict.motion.name).strip()  # of several of one name

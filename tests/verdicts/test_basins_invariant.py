@@ -49,6 +49,27 @@ def test_chaos_is_told_from_its_mirror_image_until_both_merge(omega, number):
         assert (mean[0] > mean[1]) == (above[found.index(one)] > below[found.index(one)])
 
 
+def velocities_at_stops(system, start):
+    """Return the mean velocity at each stop of a long motion."""
+    hits = vi.impact_section(system, start=start, transient_impacts=5000, sample_impacts=20000)
+    return [float(hits["velocity"].values[hits["stop"].values == stop].mean()) for stop in system.stop_names]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("omega", [1.18, 1.22])
+def test_a_verdict_names_the_one_of_two_chaotic_twins_that_rest_leads_to(omega, sign):
+    """Their means over all impacts are the same; one hits the first stop twice as hard as the second, one half."""
+    system = two_sided(force=vi.Force(omega=omega, harmonics={1: sign}))
+    first, other = vi.describe(system, parameters=[]).attractors
+    assert first.from_rest
+    assert first.chaotic
+    assert other.chaotic
+    mine = velocities_at_stops(system, None)
+    assert mine[0] > 1.9 * mine[1] or mine[1] > 1.9 * mine[0]
+    np.testing.assert_allclose(velocities_at_stops(system, first.start), mine, rtol=0.02)
+    np.testing.assert_allclose(velocities_at_stops(system, other.start), mine[::-1], rtol=0.02)
+
+
 def test_initial_conditions_that_mirror_each_other_lead_to_chaos_that_does():
     model = two_sided(0.8, 0.85, 0.2)
     starts = [vi.State(y, v, 0.3) for y, v in ((0.1, 0.2), (-0.05, 0.7), (0.0, -0.4))]
