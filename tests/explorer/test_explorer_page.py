@@ -84,6 +84,20 @@ def until(page, condition):
     page.wait_for_function(condition, timeout=PATIENCE)
 
 
+def enter(page, name, text):
+    """Type a number into its field."""
+    page.fill(f"#number_{name}", text)
+    page.press(f"#number_{name}", "Enter")
+
+
+def tip_at(page, x, y):
+    """Return what the page says where the pointer is over the plane."""
+    box = page.locator("#plane-canvas").bounding_box()
+    page.mouse.move(box["x"] + x, box["y"] + y)
+    page.locator("#tip").wait_for(state="visible")
+    return page.inner_text("#tip")
+
+
 def test_the_page_shows_plane_point_and_numbers(tab):
     load(tab)
     assert "From rest: period-1 impact-1, stable, largest impact velocity 6.23 m/s once per period" in tab.inner_text(
@@ -147,8 +161,7 @@ def test_a_slider_renews_the_plane(tab):
 def test_a_typed_number_out_of_range_is_answered(tab):
     load(tab)
     for typed, words in (("3", "must be between 0 and 1, got 3"), ("bouncy", "must be a number, got 'bouncy'")):
-        tab.fill("#number_restitution", typed)
-        tab.press("#number_restitution", "Enter")
+        enter(tab, "restitution", typed)
         until(tab, f"document.getElementById('message').textContent.includes({words!r})")
         until(tab, "document.getElementById('number_restitution').value === '0.8'")
 
@@ -158,8 +171,7 @@ def test_a_number_is_typed_and_escape_leaves_what_was(tab):
     tab.fill("#number_mass", "1.05")
     tab.press("#number_mass", "Escape")
     assert tab.input_value("#number_mass") == "1"
-    tab.fill("#number_mass", "1.0512345678901234")
-    tab.press("#number_mass", "Enter")
+    enter(tab, "mass", "1.0512345678901234")
     until(tab, "location.search.includes('m=1.0512345678901234&')")
     assert tab.input_value("#slider_mass") == str(round(500 * (1.0512345678901234 - 0.1) / 4.9))
     assert tab.get_attribute("#slider_mass", "aria-valuetext") == "1.0512345678901234"
@@ -169,8 +181,7 @@ def test_a_number_is_typed_and_escape_leaves_what_was(tab):
     tab.focus("#slider_mass")
     tab.keyboard.press("End")
     until(tab, "document.getElementById('number_mass').value === '5'")
-    tab.fill("#number_mass", "10")
-    tab.press("#number_mass", "Enter")
+    enter(tab, "mass", "10")
     until(tab, "document.getElementById('slider_mass').getAttribute('aria-valuetext') === '10'")
     tab.focus("#slider_mass")
     tab.keyboard.press("ArrowLeft")
@@ -242,10 +253,8 @@ def test_a_box_drawn_with_shift_becomes_the_plane_and_a_drag_moves_it(tab):
 
 def test_the_pointer_over_the_plane_tells_value_and_name_of_the_cell(tab):
     load(tab)
-    box = tab.locator("#plane-canvas").bounding_box()
-    tab.mouse.move(box["x"] + 62 + 0.5 * (box["width"] - 128), box["y"] + 150)
-    tab.locator("#tip").wait_for(state="visible")
-    tip = tab.inner_text("#tip").split("\n")
+    width = tab.locator("#plane-canvas").bounding_box()["width"]
+    tip = tip_at(tab, 62 + 0.5 * (width - 128), 150).split("\n")
     assert re.fullmatch(r"ω (2|2\.00\d*|1\.99\d*) rad/s", tip[0])
     assert re.fullmatch(r"m \d\S* kg", tip[1])
     assert re.fullmatch(r"Std of impact velocities \d\S* [fpnµm]?m/s", tip[2])
@@ -423,11 +432,7 @@ def test_cells_that_hit_from_other_initial_conditions_are_hatched(tab):
     hatched, plain = [165, 0.0006], [200, 0.001]
     assert 0.05 < tab.evaluate(stripes, hatched) < 0.4
     assert tab.evaluate(stripes, plain) == 0.0
-    box = tab.locator("#plane-canvas").bounding_box()
-    x, y = tab.evaluate("[Plane.plot.px(165), Plane.plot.py(0.0006)]")
-    tab.mouse.move(box["x"] + x, box["y"] + y)
-    tab.locator("#tip").wait_for(state="visible")
-    tip = tab.inner_text("#tip").split("\n")
+    tip = tip_at(tab, *tab.evaluate("[Plane.plot.px(165), Plane.plot.py(0.0006)]")).split("\n")
     assert tip[1].endswith(" mm")
     assert tip[2] == "from rest: no impact"
     assert re.fullmatch(r"from another initial condition: impacts of up to 0\.1\d* m/s", tip[3])
@@ -502,11 +507,9 @@ def test_the_page_says_that_it_connects_computes_and_is_ready(tab):
     load(tab)
     until(tab, "window.states.at(-1) === 'ready'")
     assert tab.evaluate("window.states") == ["connecting …", "computing …", "ready"]
-    tab.fill("#number_restitution", "3")
-    tab.press("#number_restitution", "Enter")  # refused: nothing to compute
+    enter(tab, "restitution", "3")  # refused: nothing to compute
     until(tab, "document.getElementById('number_restitution').value === '0.8'")
-    tab.fill("#number_restitution", "0.7")
-    tab.press("#number_restitution", "Enter")
+    enter(tab, "restitution", "0.7")
     until(tab, "window.states.length === 5")
     assert tab.evaluate("window.states.slice(3)") == ["computing …", "ready"]
 
@@ -517,8 +520,7 @@ def test_a_page_that_loses_its_server_says_so_and_comes_back_with_what_it_showed
         with serving(port=0) as found:
             page = ended.enter_context(open_model(browser, found))
             load(page)
-            page.fill("#number_restitution", "0.75")
-            page.press("#number_restitution", "Enter")
+            enter(page, "restitution", "0.75")
             until(page, "location.search.includes('r=0.75')")
         page.get_by_text("lost, reconnecting …").wait_for(timeout=PATIENCE)
         ended.enter_context(serving(port=urlsplit(found).port))
@@ -564,10 +566,7 @@ def test_numbers_of_machines_stand_in_hertz_turns_per_minute_and_millimetres_too
     also = "[...document.querySelectorAll('#parameters label')].map((one) => one.dataset.also).filter(Boolean)"
     assert tab.evaluate(also) == ["24.99 Hz, 1499 rpm", "0.5 mm"]
     assert tab.evaluate("Plots.also(2, 'rad/s') + Plots.also(0, 'm') + Plots.also(7, 'kg')") == ""
-    box = tab.locator("#plane-canvas").bounding_box()
-    tab.mouse.move(box["x"] + 200, box["y"] + 100)
-    tab.locator("#tip").wait_for(state="visible")
-    assert re.match(r"ω \S+ rad/s \(\S+ Hz, \S+ rpm\)\ng \S+ mm\n", tab.inner_text("#tip"))
+    assert re.match(r"ω \S+ rad/s \(\S+ Hz, \S+ rpm\)\ng \S+ mm\n", tip_at(tab, 200, 100))
 
 
 def test_a_pinned_motion_with_another_gap_has_its_own_wall(tab):
@@ -723,28 +722,21 @@ def test_a_family_is_shown_in_its_own_units_from_the_axes_to_the_link(browser, r
             ("fan", "20Hz", 1200),
             ("youngs_modulus", "190GPa", 19e10),
         ):
-            page.fill(f"#number_{name}", typed)
-            page.press(f"#number_{name}", "Enter")
+            enter(page, name, typed)
             until(page, f"Number(new URLSearchParams(location.search).get('{name}')) === {value}")
-        box = page.locator("#plane-canvas").bounding_box()
-        page.mouse.move(box["x"] + 200, box["y"] + 100)
-        page.locator("#tip").wait_for(state="visible")
-        assert re.match(r"frequency \S+ Hz\nclearance \S+ mm\n", page.inner_text("#tip"))
+        assert re.match(r"frequency \S+ Hz\nclearance \S+ mm\n", tip_at(page, 200, 100))
         assert not page.get_by_label("driving frequency in Hz").is_visible()  # it is
 
 
 def test_a_typed_number_may_have_a_unit_and_a_message_leaves_when_the_value_is_right(tab):
     load(tab, SI)
     for typed, search in (("0.4mm", "g=0.0004&"), ("-2e-1 mm", "g=-0.0002&"), ("−0.0001", "g=-0.0001&")):
-        tab.fill("#number_gap", typed)
-        tab.press("#number_gap", "Enter")
+        enter(tab, "gap", typed)
         until(tab, f"location.search.includes('{search}')")
     assert tab.input_value("#number_gap") == "−0.0001"
-    tab.fill("#number_gap", "3kg")
-    tab.press("#number_gap", "Enter")
+    enter(tab, "gap", "3kg")
     until(tab, "document.getElementById('message').textContent.includes('a unit that can be turned into m')")
-    tab.fill("#number_gap", "0.5mm")
-    tab.press("#number_gap", "Enter")
+    enter(tab, "gap", "0.5mm")
     tab.locator("#message").wait_for(state="hidden")
 
 
@@ -791,8 +783,7 @@ def test_on_a_phone_the_plane_and_its_sliders_are_on_one_screen(tab):
 def test_a_number_has_one_minus_sign_everywhere(tab):
     load(tab, QUICK.replace("g=0", "g=-0.2") + "&pin=1,0.01,1,1,2,0.8,-0.1&pin=1,0.01,1,1,1.9,0.8,-0.1")
     until(tab, "document.getElementById('numbers').innerText.includes('B')")
-    tab.fill("#number_mass", "-1")
-    tab.press("#number_mass", "Enter")
+    enter(tab, "mass", "-1")
     until(tab, "document.getElementById('message').textContent.includes('got −1')")
     until(tab, "document.getElementById('number_mass').value === '1'")
     fields = "[...document.querySelectorAll('#parameters input[type=text]')].map((one) => one.value)"
@@ -811,8 +802,7 @@ def test_the_driving_frequency_is_shown_in_hertz_where_that_is_ticked(tab):
     until(tab, "location.search.includes('x=frequency,9.54')")
     assert tab.evaluate("Plane.plot.x") == "driving frequency ω/2π [Hz]"
     assert tab.input_value("#number_frequency") == "24.98732606542757"
-    tab.fill("#number_frequency", "1500rpm")
-    tab.press("#number_frequency", "Enter")
+    enter(tab, "frequency", "1500rpm")
     until(tab, "location.search.includes('frequency=25&')")
     tab.get_by_label("driving frequency in Hz").uncheck()
     until(tab, "location.search.includes('w=157.07963267948966&') && location.search.includes('x=w,60,220&')")
