@@ -16,46 +16,102 @@ from fenced import ROOT
 from vibroimpact import parameters
 
 OSC = vi.ImpactOscillator()
+MAP = partial(vi.parameter_map, OSC)
+OF_NUMBERS = ("mass", "omega", "gap", "restitution")
+ANY = "must be .*, got "
+REFUSED = {  # by what is called: arguments and words
+    vi.ImpactOscillator: [
+        *(({name: value}, f"`{name}` {ANY}") for name, value in (
+            ("mass", 0.0), ("mass", -1.0), ("stiffness", 0.0), ("stiffness", -2.0), ("damping", -0.1),
+            ("amplitude", -1.0), ("omega", 0.0), ("omega", -1.0), ("frequency", 0.0), ("restitution", -0.01),
+            ("restitution", 1.01), ("gap", math.inf), ("mass", None), ("gap", None), ("restitution", None),
+            *((name, bad) for name in OF_NUMBERS for bad in (math.nan, "1", 1j, [1.0])),
+        )),
+        ({"amplitude": -1.0}, "start half a period later instead"),
+        ({"omega": 2.0, "frequency": 0.3}, "either `omega` or `frequency`, not both; got 2.0 and 0.3"),
+        ({"damping": 0.1, "damping_ratio": 0.1}, "either `damping` or `damping_ratio`, not both"),
+        ({"damping_ratio": -0.1}, "`damping_ratio` must be a finite number >= 0, got -0.1"),
+        ({"damping_ratio": 0.1, "mass": 0.0}, "`mass` must be .* > 0, got 0.0"),
+        ({"zeta": 0.1}, "did you mean 'damping_ratio'"),
+        ({"mass": "0.5"}, "`mass` must be a finite number > 0, got '0.5'; .*write numbers without quotes"),
+        ({"mass": "heavy"}, "give the moving mass in kg"),
+    ],
+    OSC.replace: [
+        ({name: None}, f"`{name}` {ANY}None") for name in ("damping", "omega", "frequency", "damping_ratio", "gap")
+    ],
+    vi.State: [
+        ({"displacement": value}, "`displacement` must be a finite number, got")
+        for value in (math.nan, math.inf, "0", None)
+    ],
+    MAP: [
+        ({"zeta": [0.01]}, "did you mean 'damping_ratio'"),
+        ({"damping": [0.1], "damping_ratio": [0.01]}, "either `damping` or `damping_ratio`, not both"),
+        ({"gap": [-1.0, 1.0], "start": vi.State(0.0)}, "at most the gap, -1 m here, got 0.0"),
+        ({}, "an axis is missing"),
+        ({"omega": []}, "`omega` must be .*non-empty.*, got "),
+        ({"omega": [2.0, 1.0]}, "`omega` must increase strictly, but goes from 2 to 1"),
+        ({"omega": [1.0, 1.0]}, "increase strictly"),
+        ({"omega": [[1.0]]}, "one-dimensional"),
+        ({"omega": 1.0}, "one-dimensional"),
+        ({"omega": ["a"]}, "one-dimensional"),
+        ({"omega": ["1", "2"]}, "`omega` must be a one-dimensional, non-empty list of numbers, got .'1', '2'."),
+        ({"omega": [1, "2"]}, "list of numbers"),
+        ({"omega": np.array([1, "2"], object)}, "list of numbers"),
+        ({"omega": [False, True]}, "list of numbers"),
+        ({"omega": [1j]}, "list of numbers"),
+        ({"omega": [1.0, math.inf]}, "`omega` must be .*, got inf"),
+        ({"omega": [1.0, math.nan]}, "`omega` must be .*, got nan"),
+        ({"omega": [-1.0, 1.0]}, "`omega` must be a finite number > 0, got -1.0"),
+        ({"restitution": [0.5, 1.5]}, "`restitution` must be between 0 and 1, got 1.5"),
+        ({"omga": [1.0]}, "unknown parameter 'omga'.*did you mean 'omega'"),
+        ({"omega": [1.0], "frequency": [1.0]}, "either `omega` or `frequency`, not both"),
+    ],
+    partial(MAP, omega=[1.0]): [
+        ({"indices": ("stdd",)}, "unknown index 'stdd'.*did you mean 'std'"),
+        ({"indices": ()}, "`indices` must be .*, got"),
+        ({"indices": 3}, "`indices` must be one or more of std, .*, got 3"),
+        ({"indices": ("std", "std")}, "distinct names"),
+        ({"sample_impacts": 0}, "`sample_impacts` must be a whole number >= 1, got 0"),
+        ({"sample_impacts": 2.5}, "`sample_impacts` must be .*, got 2.5"),
+        ({"transient_impacts": -1}, "`transient_impacts` must be a whole number >= 0, got -1"),
+        ({"workers": 0}, "`workers` must be .*, got 0"),
+    ],
+    partial(vi.parameter_map, {"mass": 1}, omega=[1, 2]): [
+        ({"refine": refine}, "`osc` must be an ImpactOscillator, .*, got {'mass': 1}; for example")
+        for refine in (None, 2)
+    ],
+    partial(vi.bifurcation_diagram, OSC, omega=[1.0]): [
+        ({"section": "poincare"}, "unknown `section` 'poincare'; choose from impact, stroboscopic"),
+        ({"direction": "left"}, "unknown `direction` 'left'; choose from fresh, up, down"),
+        ({"phase": 1.0, "section": "stroboscopic"}, "`phase` must be .* less than 1, got 1.0"),
+        ({"mass": [1.0, 2.0]}, "give exactly one axis, such as `omega`, got `omega`, `mass`"),
+        ({"sample_periods": 0}, "`sample_periods` must be .*, got 0"),
+    ],
+    partial(vi.impact_section, OSC): [
+        ({"sample_impacts": "500"}, "`sample_impacts` must be a whole .*, got '500'; write numbers without quotes"),
+    ],
+    partial(vi.simulate, OSC): [
+        *(({"periods": periods}, f"`periods` {ANY}") for periods in (0, -1, math.nan)),
+        *(({"periods": 1, "samples_per_period": density}, f"`samples_per_period` {ANY}") for density in (0, 1.5)),
+    ],
+    vi.Tolerances: [
+        ({name: value}, f"`{name}` {ANY}")
+        for name, value in (("chatter", 0.0), ("chatter", 0.1), ("flight_periods", 0.5), ("steps_per_impact", 0))
+    ],
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("mass", 0.0),
-        ("mass", -1.0),
-        ("stiffness", 0.0),
-        ("stiffness", -2.0),
-        ("damping", -0.1),
-        ("amplitude", -1.0),
-        ("omega", 0.0),
-        ("omega", -1.0),
-        ("frequency", 0.0),
-        ("restitution", -0.01),
-        ("restitution", 1.01),
-        ("gap", math.inf),
-        *[(name, bad) for name in ("mass", "omega", "gap", "restitution") for bad in (math.nan, "1", None, 1j, [1.0])],
-    ],
+    ("call", "arguments", "words"), [(call, *row) for call, rows in REFUSED.items() for row in rows]
 )
-def test_a_parameter_out_of_range_is_refused_by_name_value_and_range(name, value):
-    if name == "omega" and value is None:
-        assert vi.ImpactOscillator(omega=None).omega == 2.0
-        return
-    with pytest.raises(ValueError, match=f"`{name}` must be .*, got "):
-        vi.ImpactOscillator(**{name: value})
-
-
-def test_a_negative_amplitude_is_answered_with_half_a_period():
-    with pytest.raises(ValueError, match="start half a period later instead"):
-        vi.ImpactOscillator(amplitude=-1.0)
-
-
-def test_omega_and_frequency_at_once_are_refused():
-    with pytest.raises(ValueError, match="either `omega` or `frequency`, not both; got 2.0 and 0.3"):
-        vi.ImpactOscillator(omega=2.0, frequency=0.3)
+def test_what_is_wrong_is_refused_by_name_value_and_what_is_allowed(call, arguments, words):
+    with pytest.raises(ValueError, match=words):
+        call(**arguments)
 
 
 def test_frequency_in_hertz_stands_for_omega_everywhere():
     assert vi.ImpactOscillator(frequency=0.5).omega == pytest.approx(math.pi)
+    assert vi.ImpactOscillator(omega=None).omega == 2.0
     assert OSC.replace(frequency=0.5).omega == pytest.approx(math.pi)
     by_hertz = vi.parameter_map(OSC, frequency=np.array([0.3, 0.4]), sample_impacts=20)
     by_omega = vi.parameter_map(OSC, omega=2 * math.pi * np.array([0.3, 0.4]), sample_impacts=20)
@@ -74,23 +130,6 @@ def test_a_damping_ratio_stands_for_the_damping_of_this_mass_and_stiffness():
     assert vi.ImpactOscillator(damping_ratio=1.0).damping == 2.0  # critical
 
 
-@pytest.mark.parametrize(("numbers", "words"), [
-    ({"damping": 0.1, "damping_ratio": 0.1}, "either `damping` or `damping_ratio`, not both"),
-    ({"damping_ratio": -0.1}, "`damping_ratio` must be a finite number >= 0, got -0.1"),
-    ({"damping_ratio": 0.1, "mass": 0.0}, "`mass` must be .* > 0, got 0.0"),
-    ({"zeta": 0.1}, "did you mean 'damping_ratio'"),
-])  # fmt: skip
-def test_a_damping_ratio_that_tells_no_damping_is_refused(numbers, words):
-    with pytest.raises(ValueError, match=words):
-        vi.ImpactOscillator(**numbers)
-
-
-def test_a_parameter_is_not_replaced_by_none():
-    for name in ("damping", "omega", "frequency", "damping_ratio", "gap"):
-        with pytest.raises(ValueError, match=f"`{name}` must be .*, got None"):
-            OSC.replace(**{name: None})
-
-
 def test_a_damping_ratio_is_an_axis_that_follows_mass_and_stiffness():
     axes = {"damping_ratio": [0.01, 0.02], "mass": [1.0, 4.0]}
     sweep = vi.parameter_map(OSC.replace(stiffness=9.0), sample_impacts=50, **axes)
@@ -98,10 +137,6 @@ def test_a_damping_ratio_is_an_axis_that_follows_mass_and_stiffness():
         OSC.replace(stiffness=9.0, mass=4.0, damping_ratio=0.02), omega=[OSC.omega], sample_impacts=50
     )
     assert sweep["std"].sel(damping_ratio=0.02, mass=4.0) == alone["std"][0]
-    with pytest.raises(ValueError, match="did you mean 'damping_ratio'"):
-        vi.parameter_map(OSC, zeta=[0.01])
-    with pytest.raises(ValueError, match="either `damping` or `damping_ratio`, not both"):
-        vi.parameter_map(OSC, damping=[0.1], damping_ratio=[0.01])
 
 
 @pytest.mark.parametrize(
@@ -124,31 +159,6 @@ def test_symbols_stand_for_the_same_parameters_wherever_they_are_told():
             OSC.replace(**{symbol: 1.0})
 
 
-def test_numbers_in_quotes_are_answered_with_their_quotes():
-    with pytest.raises(
-        ValueError, match="`mass` must be a finite number > 0, got '0.5'; .*write numbers without quotes"
-    ):
-        vi.ImpactOscillator(mass="0.5")
-    with pytest.raises(
-        ValueError, match="`sample_impacts` must be a whole .*, got '500'; write numbers without quotes"
-    ):
-        vi.impact_section(OSC, sample_impacts="500")
-    with pytest.raises(ValueError, match="give the moving mass in kg"):
-        vi.ImpactOscillator(mass="heavy")
-
-
-@pytest.mark.parametrize("refine", [None, 2])
-def test_what_is_no_oscillator_is_refused(refine):
-    with pytest.raises(ValueError, match="`osc` must be an ImpactOscillator, .*, got {'mass': 1}; for example"):
-        vi.parameter_map({"mass": 1}, omega=[1, 2], refine=refine)
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf, "0", None])
-def test_a_state_takes_finite_numbers(value):
-    with pytest.raises(ValueError, match="`displacement` must be a finite number, got"):
-        vi.State(value)
-
-
 FUNCTIONS = [
     lambda **k: vi.simulate(OSC, **k),
     lambda **k: vi.impact_section(OSC, **k),
@@ -167,39 +177,6 @@ FUNCTIONS = [
 def test_a_start_beyond_the_stop_or_of_another_kind_and_an_unknown_back_end_are_refused(function, how, words):
     with pytest.raises(ValueError, match=words):
         function(**how)
-
-
-def test_an_axis_of_gaps_that_passes_the_start_is_refused():
-    with pytest.raises(ValueError, match="at most the gap, -1 m here, got 0.0"):
-        vi.parameter_map(OSC, gap=[-1.0, 1.0], start=vi.State(0.0))
-
-
-@pytest.mark.parametrize(
-    ("axes", "message"),
-    [
-        ({}, "an axis is missing"),
-        ({"omega": []}, "`omega` must be .*non-empty.*, got "),
-        ({"omega": [2.0, 1.0]}, "`omega` must increase strictly, but goes from 2 to 1"),
-        ({"omega": [1.0, 1.0]}, "increase strictly"),
-        ({"omega": [[1.0]]}, "one-dimensional"),
-        ({"omega": 1.0}, "one-dimensional"),
-        ({"omega": ["a"]}, "one-dimensional"),
-        ({"omega": ["1", "2"]}, "`omega` must be a one-dimensional, non-empty list of numbers, got .'1', '2'."),
-        ({"omega": [1, "2"]}, "list of numbers"),
-        ({"omega": np.array([1, "2"], object)}, "list of numbers"),
-        ({"omega": [False, True]}, "list of numbers"),
-        ({"omega": [1j]}, "list of numbers"),
-        ({"omega": [1.0, math.inf]}, "`omega` must be .*, got inf"),
-        ({"omega": [1.0, math.nan]}, "`omega` must be .*, got nan"),
-        ({"omega": [-1.0, 1.0]}, "`omega` must be a finite number > 0, got -1.0"),
-        ({"restitution": [0.5, 1.5]}, "`restitution` must be between 0 and 1, got 1.5"),
-        ({"omga": [1.0]}, "unknown parameter 'omga'.*did you mean 'omega'"),
-        ({"omega": [1.0], "frequency": [1.0]}, "either `omega` or `frequency`, not both"),
-    ],
-)
-def test_a_wrong_axis_is_refused(axes, message):
-    with pytest.raises(ValueError, match=message):
-        vi.parameter_map(OSC, **axes)
 
 
 @pytest.mark.parametrize("values", [range(1, 3), np.array([1, 2]), (Fraction(1), 2), np.float32([1, 2])])
@@ -237,54 +214,6 @@ def test_nothing_is_refused_where_the_machine_does_not_tell_its_memory(monkeypat
 @pytest.mark.skipif(not hasattr(os, "sysconf"), reason="tells no memory")
 def test_the_memory_of_this_machine_is_some_gigabytes():
     assert 10**8 < parameters.installed() < 10**14
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"indices": ("stdd",)}, "unknown index 'stdd'.*did you mean 'std'"),
-        ({"indices": ()}, "`indices` must be .*, got"),
-        ({"indices": 3}, "`indices` must be one or more of std, .*, got 3"),
-        ({"indices": ("std", "std")}, "distinct names"),
-        ({"sample_impacts": 0}, "`sample_impacts` must be a whole number >= 1, got 0"),
-        ({"sample_impacts": 2.5}, "`sample_impacts` must be .*, got 2.5"),
-        ({"transient_impacts": -1}, "`transient_impacts` must be a whole number >= 0, got -1"),
-        ({"workers": 0}, "`workers` must be .*, got 0"),
-    ],
-)
-def test_wrong_settings_of_a_map_are_refused(settings, message):
-    with pytest.raises(ValueError, match=message):
-        vi.parameter_map(OSC, omega=[1.0], **settings)
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"section": "poincare"}, "unknown `section` 'poincare'; choose from impact, stroboscopic"),
-        ({"direction": "left"}, "unknown `direction` 'left'; choose from fresh, up, down"),
-        ({"phase": 1.0, "section": "stroboscopic"}, "`phase` must be .* less than 1, got 1.0"),
-        ({"mass": [1.0, 2.0]}, "give exactly one axis, such as `omega`, got `omega`, `mass`"),
-        ({"sample_periods": 0}, "`sample_periods` must be .*, got 0"),
-    ],
-)
-def test_wrong_settings_of_a_diagram_are_refused(settings, message):
-    with pytest.raises(ValueError, match=message):
-        vi.bifurcation_diagram(OSC, omega=[1.0], **settings)
-
-
-@pytest.mark.parametrize(("periods", "density"), [(0, 10), (-1, 10), (math.nan, 10), (1, 0), (1, 1.5)])
-def test_wrong_lengths_of_a_simulation_are_refused(periods, density):
-    with pytest.raises(ValueError, match="`(periods|samples_per_period)` must be .*, got"):
-        vi.simulate(OSC, periods=periods, samples_per_period=density)
-
-
-@pytest.mark.parametrize(
-    "settings", [{"chatter": 0.0}, {"chatter": 0.1}, {"flight_periods": 0.5}, {"steps_per_impact": 0}]
-)
-def test_wrong_tolerances_are_refused(settings):
-    (name,) = settings
-    with pytest.raises(ValueError, match=f"`{name}` must be .*, got"):
-        vi.Tolerances(**settings)
 
 
 def public(pages):
