@@ -14,6 +14,7 @@ import time
 import dask
 import numpy as np
 import pytest
+import zarr
 
 import vibroimpact as vi
 from contents import differing
@@ -330,9 +331,12 @@ def _slowly(work, part, shared):
     return work(part, shared)
 
 
-def test_a_finished_store_needs_no_cluster(whole, tmp_path):
+def test_a_finished_store_needs_no_cluster(whole, refined_whole, tmp_path):
     sweep(store=tmp_path / "run.zarr")
     assert_same(sweep(store=tmp_path / "run.zarr", cluster="tcp://127.0.0.1:1"), whole)
+    refined(store=tmp_path / "refined.zarr")
+    again = refined(store=tmp_path / "refined.zarr", cluster="tcp://127.0.0.1:1")
+    assert not differing(again, refined_whole, ["std"])
 
 
 def test_a_client_that_was_given_stays_open_and_one_made_here_is_closed(client):
@@ -421,3 +425,70 @@ def test_a_scheduler_that_is_killed_is_told_of(monkeypatch):
 def _listens(port):
     with socket.socket() as line:
         return line.connect_ex(("127.0.0.1", port)) == 0
+
+
+# Refined maps
+
+
+PLANE = {"omega": np.linspace(1.5, 3.5, 9), "mass": np.linspace(0.5, 1.5, 7)}
+
+
+def refined(**options):
+    return vi.parameter_map(vi.ImpactOscillator(), **{"refine": 2, "sample_impacts": 300, **PLANE, **options})
+
+
+@pytest.fixture(scope="module")
+def refined_whole():
+    return refined()
+
+
+@pytest.mark.long
+def test_a_refined_map_on_a_cluster_has_the_bits_of_one_machine(client, refined_whole, tmp_path):
+    for place in ({}, {"tile": 17, "store": tmp_path / "r.zarr"}):
+        found = refined(cluster=client, **place)
+        assert not differing(found, refined_whole)
+        for name in ("impacts_computed", "steps_computed", "cells_computed", "complete"):
+            assert found.attrs[name] == refined_whole.attrs[name], name
+
+
+@pytest.mark.long
+def test_a_sweep_stopped_on_a_cluster_goes_on_here_and_the_other_way_round(
+    client, refined_whole, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("vibroimpact.execution.base.LISTED", 32)
+    for first, then in (({"cluster": client}, {}), ({}, {"cluster": client})):
+        store = tmp_path / f"{len(first)}.zarr"
+        partial = refined(store=store, progress=lambda done, total, partial: done < 150, **first)
+        assert partial.attrs["complete"] == 0
+        begun = []
+        refined(store=store, progress=lambda done, total, partial, begun=begun: begun.append(done), **then)
+        assert begun[0] >= 32
+        root = zarr.open_group(store, mode="r")
+        assert not differing(root, refined_whole, refined_whole.data_vars)
+        assert SweepStore(store).damaged() == []
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"cluster": "local"}, "`cluster` must be .*, got 'local'"),
+        ({"cluster": "local:2", "workers": 2}, "either `workers` or `cluster`.*cluster='local:2'"),
+        ({"tile": 100}, "with `refine`, `tile` needs a `cluster`"),
+        ({"cluster": "local:2", "tile": 0}, "`tile` must be a whole number >= 1, got 0"),
+    ],
+)
+def test_a_wrong_place_is_refused_before_anything_is_started(wrong, words, tmp_path):
+    with pytest.raises(ValueError, match=words):
+        refined(store=tmp_path / "r.zarr", **wrong)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.long
+def test_the_command_line_refines_on_a_cluster(run, client, refined_whole, tmp_path):
+    command = "map --x omega=1.5:3.5:9 --y mass=0.5:1.5:7 --sample-impacts 300 --refine 2 --out r.zarr"
+    code, lines, complaints = run(f"{command} --cluster {client.cluster.scheduler_address}")
+    assert code == 0, complaints
+    assert f"finished: {refined_whole.attrs['cells_computed']} cells computed" in lines[0]
+    assert not differing(vi.load(tmp_path / "r.zarr"), refined_whole, ["std"])
+    code, _, complaints = run(f"{command} --cluster local:2 --workers 2")
+    assert (code, len(complaints)) == (2, 1)
