@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import vibroimpact as vi
 from systems import random_pair, two_masses
@@ -71,18 +70,6 @@ def test_the_summary_of_a_map_by_stop_says_which_stops_are_never_struck():
     hardest = near["max_velocity"].max("frequency")
     (line,) = (line for line in sentences_of(near) if "(max_velocity)" in line)
     assert line.endswith(f", on {hardest.idxmax('stop').item()}")
-
-
-def test_indices_by_stop_are_stored_with_their_stops(tmp_path):
-    tube = models.tube_in_supports()
-    how = {"omega": np.linspace(0.9, 1.1, 7) * tube.omega, "by_stop": True, "sample_impacts": 50}
-    plain = vi.parameter_map(tube, **how)
-    stored = vi.parameter_map(tube, **how, store=tmp_path / "run.zarr", tile=3)
-    xr.testing.assert_equal(plain["std"], stored["std"].load())
-    with xr.open_zarr(tmp_path / "run.zarr", consolidated=False) as opened:
-        assert opened["std"].dims == ("omega", "stop")
-    vi.save(plain, tmp_path / "run.nc")
-    xr.testing.assert_equal(vi.load(tmp_path / "run.nc")["std"], plain["std"])
 
 
 def test_indices_by_stop_are_not_refined():

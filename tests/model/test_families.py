@@ -94,16 +94,6 @@ def test_scattered_designs_are_those_of_a_grid():
         assert np.array_equal(sweep["std"].values[at], alone["std"].values[0, 0], equal_nan=True)
 
 
-def test_a_table_of_designs_is_stored_and_taken_up_again(tmp_path):
-    pandas = pytest.importorskip("pandas")
-    table = pandas.DataFrame({"rpm": np.linspace(700, 1500, 30), "clearance_mm": np.linspace(0.6, 0.1, 30)})
-    sweep = vi.parameter_map(shaker, points=table, sample_impacts=50)
-    stored = vi.parameter_map(shaker, points=table, sample_impacts=50, store=tmp_path / "s.zarr", tile=7)
-    assert not differing(stored.load(), sweep)
-    again = vi.parameter_map(shaker, points=table, sample_impacts=50, store=tmp_path / "s.zarr")
-    assert again.attrs["cells_missing"] == 0
-
-
 def test_the_function_of_a_family_is_called_once_for_each_design_of_a_table(tmp_path):
     calls = []
 

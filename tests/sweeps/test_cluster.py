@@ -19,6 +19,7 @@ import zarr
 import vibroimpact as vi
 from contents import differing
 from processes import until
+from studies import STUDIES
 from vibroimpact.backends import ImpactWindow, Measurement
 from vibroimpact.execution import cluster, layout
 from vibroimpact.execution.cluster import connect
@@ -85,33 +86,10 @@ def test_a_cluster_gives_the_bits_of_one_machine(client, whole):
     assert_same(sweep(cluster=client), whole)
 
 
-def growing(v):
-    return 0.5 + 0.3 * v / (1.0 + v)
-
-
-def ball():
-    """Return a ball that falls onto a stop which obeys a law of restitution."""
-    stop = vi.Stop(direction=1.0, gap=0.0, restitution=growing)
-    return vi.ImpactSystem(mass=2.0, stiffness=0.0, force=vi.Force(omega=0.7, constant=6.0), stops=[stop])
-
-
-SMALL = {"omega": [1.0, 2.0, 2.8], "mass": [1.0, 1.1], "transient_impacts": 2, "sample_impacts": 3}
-LAW = {"stop_1_gap": np.linspace(0.0, 0.3, 8), "start": vi.State(-1.0), "transient_impacts": 0, "sample_impacts": 5}
-DAMPER = {"clearance": np.linspace(4e-3, 6e-3, 9), "frequency": [29.0, 29.5, 30.0], "sample_impacts": 60}
-STUDIES = {
-    "several initial conditions": (vi.ImpactOscillator, {**SMALL, "gap": [-0.2, 0.5], "start": 4}),
-    "a law of restitution": (ball, LAW),
-    "reference": (vi.ImpactOscillator, {**SMALL, "backend": "reference"}),
-    "fixed-step": (vi.ImpactOscillator, {**SMALL, "backend": "fixed-step"}),
-    "a family, stored": (lambda: vi.family(vi.models.impact_damper), DAMPER),
-    "a family, refined": (lambda: vi.family(vi.models.impact_damper), DAMPER | {"refine": 1}),
-}
-
-
 @pytest.mark.parametrize("study", STUDIES)
 def test_workers_compute_what_one_machine_computes(client, tmp_path, study):
     model, how = STUDIES[study]
-    place = {"store": tmp_path / "run.zarr"} if "stored" in study else {}
+    place = {"store": tmp_path / "run.zarr"} if study == "a family" else {}
     cells, there = vi.parameter_map(model(), **how), vi.parameter_map(model(), cluster=client, tile=2, **place, **how)
     assert not differing(there, cells, cells.data_vars)
 

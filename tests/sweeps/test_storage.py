@@ -184,6 +184,7 @@ RESULTS = {
     "basins and their attractors": attractors,
     "comparison": lambda: vi.compare(OSC, OSC.replace(gap=0.1)).dataset,
     "map of a family": lambda: vi.parameter_map(vi.family(vi.models.impact_damper), clearance=[4e-3, 5e-3], **SHORT),
+    "map by stop": lambda: vi.parameter_map(two_masses(), omega=[7.0, 8.0], by_stop=True, **SHORT),
     "diagram of a system": lambda: vi.bifurcation_diagram(two_masses(), bar_gap=[0.02, 0.04, 0.06], **SHORT),
     "impact section of a system": lambda: vi.impact_section(two_masses(), **SHORT),
     "section of a system without impacts": lambda: vi.impact_section(vi.models.two_sided_oscillator(force=0.001)),

@@ -11,7 +11,9 @@ import xarray as xr
 from matplotlib import pyplot as plt
 
 import vibroimpact as vi
+from contents import differing
 from processes import told_by
+from studies import STUDIES
 from vibroimpact.backends.cpu import CpuBackend
 from vibroimpact.execution import threads
 from vibroimpact.execution.base import cut
@@ -88,12 +90,13 @@ def test_a_store_keeps_the_labels_the_call_and_the_order_of_variables(tmp_path):
     xr.testing.assert_identical(vi.load(tmp_path / "run.zarr").drop_attrs(), memory.drop_attrs())
 
 
-@pytest.mark.parametrize("backend", ["reference", "fixed-step"])
-def test_any_back_end_may_compute_a_store(tmp_path, backend):
-    study = {"omega": [2.0, 2.8], "mass": [1.0, 1.5], "sample_impacts": 12, "transient_impacts": 3, "backend": backend}
-    study |= {"time_step": 0.01} if backend == "fixed-step" else {}
-    memory = vi.parameter_map(OSC, **study)
-    xr.testing.assert_equal(vi.parameter_map(OSC, store=tmp_path / "run.zarr", tile=3, **study).load(), memory)
+@pytest.mark.parametrize("study", [name for name in STUDIES if "refined" not in name])
+def test_a_store_holds_the_bits_of_memory(tmp_path, study):
+    model, how = STUDIES[study]
+    memory = vi.parameter_map(model(), **how)
+    stored = vi.parameter_map(model(), store=tmp_path / "run.zarr", tile=3, **how)
+    assert not differing(stored.load(), memory)
+    assert vi.parameter_map(model(), store=tmp_path / "run.zarr", **how).attrs["cells_missing"] == 0
 
 
 # Taken up again
