@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 
 import vibroimpact as vi
 from differences import derivative
@@ -117,3 +118,12 @@ def index_of(model, *names, **how):
     arguments = {"omega": [model.omega], "indices": names, "sample_impacts": 3000} | how
     sweep = vi.parameter_map(model, **arguments)
     return [float(sweep[name].item()) for name in names]
+
+
+def name_of(indices):
+    """Return in how many periods a motion repeats, and after how many impacts."""
+    return indices["n_periods"], indices["n_impacts"]
+
+
+# Of systems a rest's indices are averages over the window, and names need repetition alone.
+ONE_MASS = pytest.mark.parametrize("way", ["engine", "witness"], indirect=True)

@@ -2,6 +2,9 @@
 
 import numpy as np
 
+import vibroimpact as vi
+from vibroimpact.motion import MotionClass, motion_name, refined
+
 
 def differing(one, other, names=None):
     """Return the variables that have not the same bits and shape in two results."""
@@ -22,3 +25,10 @@ def names_of_starts(portrait):
     """Return the name of the attractor of every start."""
     meanings = np.array(portrait["attractor"].attrs["flag_meanings"].split())
     return meanings[portrait["attractor"].values + 1]
+
+
+def named(sweep):
+    """Return the kind and the name of the motion in the only cell of a map."""
+    cell = vi.classify(sweep).isel(omega=0)
+    kind = MotionClass(int(refined(cell["motion"].values, cell["status"].values)))
+    return kind, motion_name(kind, int(cell["n_periods"]), int(cell["n_impacts"]))

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 import vibroimpact as vi
-from codes import Engine, differences, index_of, later
+from codes import Engine, differences, index_of, later, name_of
 from designs import RESTS, orbit_of_one_impact
 from oracles.one_impact import trace, transition
 from systems import (
@@ -31,10 +31,6 @@ SPREAD = np.linspace(0.025, 5.0, 100)
 FAR = vi.State(-1.0)
 CHAOS = vi.ImpactOscillator(omega=2.8)
 NAMED = ("n_periods", "n_impacts", "lyapunov_per_impact")
-
-
-def name_of(indices):
-    return indices["n_periods"], indices["n_impacts"]
 
 
 # Cycles of one mass

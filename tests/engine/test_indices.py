@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from codes import ONE_MASS, name_of
 from vibroimpact.indices import EVERY, INDICES, VELOCITY_INDICES
 from vibroimpact.report import sentences_of
 
@@ -14,10 +15,6 @@ OSC = vi.ImpactOscillator()
 SPREAD = np.linspace(0.025, 5.0, 100)
 FAR = vi.State(-1.0)
 CHAOS = vi.ImpactOscillator(omega=2.8)
-
-
-# Of systems a rest's indices are averages over the window, and names need repetition alone.
-ONE_MASS = pytest.mark.parametrize("way", ["engine", "witness"], indirect=True)
 RATES = ("lyapunov", "lyapunov_per_impact", "dissipation", "stick_fraction")
 
 
@@ -27,10 +24,6 @@ def spread():
         closing: vi.parameter_map(OSC, omega=SPREAD, start=FAR, indices=ALL, early_closing=closing)
         for closing in (False, True)
     }
-
-
-def name_of(indices):
-    return indices["n_periods"], indices["n_impacts"]
 
 
 # Windows

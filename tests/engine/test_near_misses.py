@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from codes import name_of
 from designs import orbit_of_one_impact
 from systems import one_mass, two_masses
 from vibroimpact.kernels.shared.series import SIZE
@@ -14,10 +15,6 @@ from vibroimpact.kernels.shared.trough import trough
 pytestmark = pytest.mark.usefixtures("modal_engine")
 
 FAR = vi.State(-1.0)
-
-
-def name_of(indices):
-    return indices["n_periods"], indices["n_impacts"]
 
 
 def test_the_margin_of_a_period_1_orbit_vanishes_linearly_where_it_grazes(values, way):

@@ -6,19 +6,12 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from codes import ONE_MASS, name_of
 from systems import one_mass, system
 
 OSC = vi.ImpactOscillator()
 FAR = vi.State(-1.0)
-
-
-# Of systems a rest's indices are averages over the window, and names need repetition alone.
-ONE_MASS = pytest.mark.parametrize("way", ["engine", "witness"], indirect=True)
 RATES = ("lyapunov", "lyapunov_per_impact", "dissipation", "stick_fraction")
-
-
-def name_of(indices):
-    return indices["n_periods"], indices["n_impacts"]
 
 
 # Rests

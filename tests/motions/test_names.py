@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from codes import index_of
+from codes import ONE_MASS, index_of, name_of
 from systems import (
     between_stops,
     bouncing_ball,
@@ -19,14 +19,6 @@ pytestmark = pytest.mark.usefixtures("modal_engine")
 
 OSC = vi.ImpactOscillator()
 NAMED = ("n_periods", "n_impacts", "lyapunov_per_impact")
-
-
-# Of systems a rest's indices are averages over the window, and names need repetition alone.
-ONE_MASS = pytest.mark.parametrize("way", ["engine", "witness"], indirect=True)
-
-
-def name_of(indices):
-    return indices["n_periods"], indices["n_impacts"]
 
 
 # Cycles

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from contents import named
 from systems import a_random_system, sticking
 from vibroimpact import report
 from vibroimpact.backends import ImpactWindow
@@ -140,22 +141,20 @@ def test_a_portrait_of_basins_has_the_names_of_its_attractors(oscillators):
 
 
 def name_of_cell(osc, **sampling):
-    """Return class and name of the one cell of a map."""
+    """Return a map of one cell, and the name of its motion."""
     cell = vi.parameter_map(osc, omega=[osc.omega], indices=CYCLES, **sampling)
-    classes = vi.classify(cell).isel(omega=0)
-    kind = MotionClass(int(refined(classes["motion"].values, classes["status"].values)))
-    return cell, kind, motion_name(kind, int(classes["n_periods"]), int(classes["n_impacts"]))
+    return cell, named(cell)[1]
 
 
 def test_the_explorer_names_a_point_as_the_map_of_its_samples(oscillators):
     for osc in oscillators[::5]:
-        _, _, name = name_of_cell(osc, transient_impacts=100, sample_impacts=500)
+        _, name = name_of_cell(osc, transient_impacts=100, sample_impacts=500)
         assert compute_point(View(osc=osc, samples=500)).name == name
 
 
 def test_the_command_line_says_the_maps_word_for_a_map_and_for_a_section(oscillators, names):
     for osc in oscillators[::10]:
-        cell, _, name = name_of_cell(osc, **SAMPLES)
+        cell, name = name_of_cell(osc, **SAMPLES)
         assert f"100 % {name}" in [line.strip() for line in report.sentences_of(cell)]
     sections = [vi.impact_section(osc, **SAMPLES) for osc in oscillators]
     agree(names, [re.split("[,:;]", report.sentences_of(section)[0].split(": ", 1)[1])[0] for section in sections])

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from contents import named
 from designs import random_designs
 from systems import STEEL, cabinet, changed, on_springs, one_mass, pushed, pushed_pair, random_pair
 from texts import hardest_hit, text_of
 from vibroimpact import models
 from vibroimpact.backends import ImpactWindow, StroboscopicWindow
 from vibroimpact.coexistence.measuring import Runner
-from vibroimpact.motion import MotionClass, motion_name, refined
 from vibroimpact.verdict import Verdict
 from vibroimpact.verdict.advice import advise
 from vibroimpact.verdict.branches import Branches
@@ -103,12 +103,10 @@ def check_agreement(verdict):
     """Map, attractors and verdict say the same; a transient that is all of a map's window is named as one."""
     osc = verdict.oscillator
     sweep = vi.parameter_map(osc, omega=[osc.omega], indices=("lyapunov_per_impact", "n_periods", "n_impacts"))
-    named = vi.classify(sweep).isel(omega=0)
-    kind = refined(int(named["motion"]), int(sweep["status"][0]))
-    name = motion_name(int(kind), int(named["n_periods"]), int(named["n_impacts"]))
+    kind, name = named(sweep)
     assert name == (verdict.transient or verdict.motion.name), osc
     assert name in " ".join(str(verdict).split()), osc
-    assert verdict.transient or verdict.kind == MotionClass(int(kind)).word, osc
+    assert verdict.transient or verdict.kind == kind.word, osc
     mine, *_ = verdict.attractors
     assert mine.from_rest
     letter = mine.name.removeprefix(verdict.motion.name).strip()  # of several of one name
