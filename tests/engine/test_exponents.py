@@ -49,19 +49,6 @@ def test_the_exponent_of_a_period_1_orbit_is_that_of_its_50_digit_multipliers(va
     assert indices["lyapunov_per_impact"] == pytest.approx(growth, abs=2 * near * osc.period)
 
 
-def test_a_period_1_impact_2_motion_has_its_name_its_50_digit_multiplier_and_its_spread(values, way):
-    known = values["period_1_impact_2"]["w=0.95"]
-    osc, growth = vi.ImpactOscillator(omega=0.95), math.log(float(known["absmult"]))
-    indices = way.indices(osc, transient=200, sample=40 if way.slow else 5000)
-    assert name_of(indices) == (1, 2)
-    near = {"rel": 1e-11} if way.slow else {"abs": 1e-8}
-    assert indices["lyapunov"] == pytest.approx(growth / osc.period, **near)
-    assert indices["lyapunov_per_impact"] == pytest.approx(growth / 2, **near)
-    # Two points half of a circle's arc 2 a apart have a mean vector of length cos a.
-    apart = math.pi * (float(known["phase_frac_b"]) - float(known["phase_frac_a"]))
-    assert indices["impact_phase_spread"] == pytest.approx(1 - math.cos(apart), rel=1e-10)
-
-
 @pytest.mark.parametrize(
     ("n", "changes"),
     [

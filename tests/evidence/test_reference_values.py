@@ -106,6 +106,14 @@ def test_the_period_1_impact_2_orbit_at_w_095_and_its_indices(values, way):
     assert indices["mean_velocity"] == pytest.approx(known["mean"], rel=1e-11)
     assert indices["max_velocity"] == pytest.approx(known["v_a"], rel=1e-11)
     assert indices["impacts_per_period"] == pytest.approx(2.0, rel=1e-3)
+    cycle, growth = way.indices(osc, transient=200, sample=40 if way.slow else 5000), math.log(known["absmult"])
+    assert (cycle["n_periods"], cycle["n_impacts"]) == (1, 2)
+    near = {"rel": 1e-11} if way.slow else {"abs": 1e-8}
+    assert cycle["lyapunov"] == pytest.approx(growth / osc.period, **near)
+    assert cycle["lyapunov_per_impact"] == pytest.approx(growth / 2, **near)
+    # Two points half of a circle's arc 2 a apart have a mean vector of length cos a.
+    apart = math.pi * (known["phase_frac_b"] - known["phase_frac_a"])
+    assert cycle["impact_phase_spread"] == pytest.approx(1 - math.cos(apart), rel=1e-10)
 
 
 @pytest.mark.parametrize(
