@@ -16,10 +16,10 @@ def two_masses(omega=0.75, gap=1.0, push=0.1):
     return vi.ImpactSystem(mass=np.eye(2), damping=0.03 * springs, stiffness=springs, force=force, stops=[spring])
 
 
-def bilinear(stiffness=100.0, damping=1.0, **changes):
+def bilinear(stiffness=100.0, damping=1.0, gap=0.2, omega=2.0, push=1.0, **changes):
     """Return one mass in front of a compliant stop."""
-    stops = [vi.Stop(direction=1, gap=0.2, stiffness=stiffness, damping=damping, name="above")]
-    force = vi.Force(omega=2.0, harmonics={1: 1.0})
+    stops = [vi.Stop(direction=1, gap=gap, stiffness=stiffness, damping=damping, name="above")]
+    force = vi.Force(omega=omega, harmonics={1: push})
     return vi.ImpactSystem(**{"mass": 1.0, "damping": 0.05, "stiffness": 1.0, "force": force, "stops": stops} | changes)
 
 
@@ -30,7 +30,7 @@ def between(omega=3.0, below=0.1, damping=0.0, gap=0.1, stiffness=30.0):
         vi.Stop(direction=1, gap=gap, stiffness=stiffness, damping=damping, name="above"),
         vi.Stop(direction=-1, gap=below, stiffness=stiffness, damping=damping, name="below"),
     ]
-    return bilinear(stops=stops, force=vi.Force(omega=omega, harmonics={1: 1.0}))
+    return bilinear(stops=stops, omega=omega)
 
 
 @vi.family
@@ -40,7 +40,7 @@ def mixed(omega=2.0, damping=1.0):
         vi.Stop(direction=1, gap=0.2, stiffness=100.0, damping=damping, name="above"),
         vi.Stop(direction=-1, gap=0.4, restitution=0.7, name="below"),
     ]
-    return bilinear(stops=stops, force=vi.Force(omega=omega, harmonics={1: 1.0}))
+    return bilinear(stops=stops, omega=omega)
 
 
 def chain_on_two_stops():

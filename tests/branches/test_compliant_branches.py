@@ -140,7 +140,7 @@ def test_the_boundaries_of_a_plane_are_found_without_a_guess():
     @vi.family
     def one(gap=0.05, push=1.0):
         stops = [vi.Stop(direction=1, gap=gap, stiffness=100.0, damping=1.0, name="above")]
-        return bilinear(stops=stops, force=vi.Force(omega=2.45, harmonics={1: push}))
+        return bilinear(stops=stops, omega=2.45, push=push)
 
     curves = vi.boundary_curves(one, ("gap", "push"), ((0.02, 0.1), (0.4, 1.5)), n_periods=(1,), lines=2, step=0.2)
     rays = {curve.kind: [orbit.value("gap") / orbit.value("push") for orbit in curve.orbits] for curve in curves}

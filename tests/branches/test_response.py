@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.interpolate import barycentric_interpolate
 from scipy.linalg import eigh
 
 import vibroimpact as vi
+from compliant import bilinear
 from systems import cantilever
 from vibroimpact.orbits.systems.response import extremes, steady_motion
 
@@ -82,11 +84,7 @@ def test_extremes_of_harmonics_are_those_of_a_fine_grid(orders):
     assert extremes(0.3, phasors, np.array(orders)) == pytest.approx((values.min(), values.max()), abs=1e-9)
 
 
-def soft(**changes):
-    numbers = {"gap": 1.0, "stiffness": 0.5, "damping": 0.0} | changes
-    stop = vi.Stop(direction=1.0, name="spring", **numbers)
-    force = vi.Force(omega=1.0, harmonics={1: 0.1})
-    return vi.ImpactSystem(mass=1.0, damping=0.05, stiffness=1.0, force=force, stops=[stop])
+soft = partial(bilinear, stiffness=0.5, damping=0.0, gap=1.0, omega=1.0, push=0.1)
 
 
 def test_without_contact_the_curve_is_that_of_the_linear_oscillator():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
+from compliant import bilinear
 from systems import a_random_machine, two_masses
 from vibroimpact.indices import DISPLACEMENTS, RESPONSES
 
@@ -137,14 +138,8 @@ def test_a_motion_that_does_not_repeat_is_estimated():
     assert 0.7 * 0.5 * np.ptp(y) < found["amplitude"] <= 0.5 * np.ptp(y) * (1.0 + 1e-3)
 
 
-def soft(**changes):
-    numbers = {"gap": 0.3, "stiffness": 40.0, "damping": 0.0, "name": "pad"} | changes
-    force = vi.Force(omega=1.3, harmonics={1: 1.0})
-    return vi.ImpactSystem(mass=1.0, damping=0.1, stiffness=1.0, force=force, stops=[vi.Stop(direction=1.0, **numbers)])
-
-
 def test_the_rms_force_is_that_of_the_spring_that_is_pressed_in():
-    model = soft()
+    model = bilinear(40.0, 0.0, gap=0.3, omega=1.3)
     found = measured(model, [OF_FORCE, "max_force", "n_periods"])
     section = vi.stroboscopic_section(model, transient_periods=3000, sample_periods=1)
     start = vi.State(section["displacement"].values[-1], section["velocity"].values[-1], 0.0)

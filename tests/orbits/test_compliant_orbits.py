@@ -79,7 +79,7 @@ def test_both_orbits_of_a_resonance_are_found_for_ever_less_damping():
 def test_orbits_of_a_stiff_undamped_stop_are_found_and_the_durations_left_out_are_told():
     (orbit,) = vi.find_orbit(bilinear(1e7, 0.0))
     assert 0.0 < orbit.contacts[0].contact_time < 0.002
-    message = vi.find_orbit(bilinear(1e7, 0.0, force=vi.Force(omega=2.0, harmonics={1: 0.1}))).message
+    message = vi.find_orbit(bilinear(1e7, 0.0, push=0.1)).message
     assert "s may be missed" in message
 
 
@@ -363,7 +363,7 @@ def test_a_verdict_tells_how_hard_how_long_and_how_deep_the_hardest_contact_is()
 
 def test_a_mass_that_never_leaves_a_spring_is_not_said_to_rest():
     spring = vi.Stop(direction=1, gap=-0.3, stiffness=100.0, damping=1.0, name="above")
-    resting = bilinear(stops=[spring], force=vi.Force(omega=2.0, harmonics={1: 0.1}))
+    resting = bilinear(stops=[spring], push=0.1)
     text = " ".join(str(vi.describe(resting, parameters=[])).split())
     assert "pressed into the stop" in text
     assert "at rest at" not in text
