@@ -316,13 +316,9 @@ def test_a_wrong_request_is_refused_by_name(name, arguments, named):
         (OSC, {"stops": ["stop", "stop"], "near": [0.1]}, "one time for each of the 2 stops"),
         (two_sided(), {"stops": ["above", "below"], "near": [0.1, 4.0]}, r"times in order, within 3\.14159 s"),
         (two_sided(stops=[]), {}, "stops to strike"),
+        (2.0, {}, "`osc` must be .*, got 2"),
     ],
 )
 def test_a_guess_that_a_model_cannot_take_is_refused(model, arguments, named):
     with pytest.raises(ValueError, match=named):
         vi.find_orbit(model, **arguments)
-
-
-def test_what_is_no_oscillator_is_refused():
-    with pytest.raises(ValueError, match="`osc` must be .*, got 2"):
-        vi.find_orbit(2.0)
