@@ -208,14 +208,6 @@ def test_the_value_of_what_neither_the_model_nor_the_orbit_has_is_refused(model,
         orbit.value(name)
 
 
-def test_a_family_of_systems_has_the_orbits_of_its_values():
-    @vi.family
-    def slot(width=1.0):
-        return two_sided(gap=width / 2)
-
-    assert vi.find_orbit(slot, n_impacts=2)[0].velocities == vi.find_orbit(two_sided(), n_impacts=2)[0].velocities
-
-
 @pytest.mark.parametrize(
     ("model", "impacts"),
     [(vi.ImpactOscillator(omega=2.0), 1), (vi.models.impact_damper(), 2)],
