@@ -267,12 +267,3 @@ def test_a_stopped_curve_keeps_what_was_found_and_says_where_that_is_nothing(gap
         with pytest.raises(ValueError, match="stopped by `progress` before a motion was found"):
             vi.response_curve(design, omega=(0.9, 3.0), progress=stop)
     assert len(calls) <= 2
-
-
-@pytest.mark.parametrize("out", ["", "--out curve.nc"])
-def test_an_interrupted_response_ends_as_other_commands_do(run, monkeypatch, out):
-    monkeypatch.setattr("vibroimpact.progress.Meter.__call__", lambda self, *_: setattr(self, "stopped", True) or False)
-    code, _, said = run(f"response -p gap=0.1 -p damping=0.1 --x omega=1.5:3 {out}")
-    assert (code, said[-1]) == (130, "vibroimpact: interrupted before anything was finished; nothing was written")
-    code, _, said = run(f"response -p gap=1.5 -p damping=0.1 --x omega=0.3:3 {out}")
-    assert (code, said[-1]) == (130, "vibroimpact: interrupted; what was finished is kept")

@@ -272,19 +272,25 @@ def test_an_interrupted_branch_keeps_the_orbits_it_has(run, tmp_path):
     assert unbundle(vi.load(tmp_path / "branch.nc"))[0].attrs["outcome"] == "stopped stopped"
 
 
+NOTHING = "vibroimpact: interrupted before anything was finished; nothing was written"
+KEPT = "vibroimpact: interrupted; what was finished is kept"
+
+
 @pytest.mark.usefixtures("stopped_early")
-def test_an_interrupted_search_for_boundaries_never_replaces_a_complete_one(run, tmp_path):
+@pytest.mark.parametrize(("command", "words", "left"), [
+    (f"boundary {PLANE} --kind fold --out curves.nc", "nothing was written", [[]]),
+    ("basins -p omega=2.8 --x phase=0:1:40 --y velocity=0:3:40 --workers 1 --out basins.nc", "", [[], ["basins.nc"]]),
+    ("response -p gap=0.1 -p damping=0.1 --x omega=1.5:3", NOTHING, [[]]),
+    ("response -p gap=0.1 -p damping=0.1 --x omega=1.5:3 --out curve.nc", NOTHING, [[]]),
+    ("response -p gap=1.5 -p damping=0.1 --x omega=0.3:3", KEPT, [[]]),
+    ("response -p gap=1.5 -p damping=0.1 --x omega=0.3:3 --out curve.nc", KEPT, [["curve.nc"]]),
+])  # fmt: skip
+def test_an_interrupted_command_keeps_what_it_has_found_and_all_else(run, tmp_path, command, words, left):
     (tmp_path / "curves.json").write_text("{}")
-    code, _, complaints = run(f"boundary {PLANE} --kind fold --out curves.nc")
-    assert (code, names(tmp_path)) == (130, ["curves.json"])
-    assert "nothing was written" in complaints[-1]
-
-
-@pytest.mark.usefixtures("stopped_early")
-def test_interrupted_basins_keep_what_is_decided(run, tmp_path):
-    code, _, _ = run("basins -p omega=2.8 --x phase=0:1:40 --y velocity=0:3:40 --workers 1 --out basins.nc")
+    code, _, complaints = run(command)
     assert code == 130
-    assert names(tmp_path) in ([], ["basins.nc"])
+    assert words in complaints[-1]
+    assert names(tmp_path) in [sorted(["curves.json", *one]) for one in left]
 
 
 # Requests that do not go together
