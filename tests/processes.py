@@ -6,6 +6,7 @@ import sys
 import time
 from pathlib import Path
 
+COMMAND = [sys.executable, "-m", "vibroimpact"]
 DRIVER = [sys.executable, str(Path(__file__).with_name("store_driver.py"))]
 
 

@@ -4,24 +4,12 @@ from __future__ import annotations
 
 import re
 import subprocess
-import sys
 
 import pytest
 
 import vibroimpact as vi
-from processes import names
+from processes import COMMAND, names
 from vibroimpact.files import formats
-
-
-def child(*arguments: str, **options):
-    return subprocess.Popen(
-        [sys.executable, "-m", "vibroimpact", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        **options,
-    )
-
 
 # Wrong requests
 
@@ -442,19 +430,15 @@ def test_a_plain_result_is_no_store_to_go_on_with(run, tmp_path):
 @pytest.mark.long
 def test_exit_codes_reach_the_shell():
     for arguments, code in ((["section", "-p", "mass=-1"], 2), (["section", "--sample-impacts", "20"], 0)):
-        process = child(*arguments)
-        _, complaints = process.communicate(timeout=600)
-        assert process.returncode == code
-        assert len(complaints.splitlines()) == 1
-        assert complaints.startswith("vibroimpact: `mass`" if code else "ImpactOscillator: mass 1 kg")
+        done = subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, timeout=600)
+        assert done.returncode == code
+        assert len(done.stderr.splitlines()) == 1
+        assert done.stderr.startswith("vibroimpact: `mass`" if code else "ImpactOscillator: mass 1 kg")
 
 
 @pytest.mark.long
 def test_a_reader_that_has_seen_enough_causes_no_traceback():
-    process = child("section", "--sample-impacts", "20")
-    assert process.stdout is not None
-    process.stdout.close()
-    assert process.stderr is not None
-    assert "Traceback" not in process.stderr.read()
-    process.wait(timeout=600)
-    process.stderr.close()
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([*COMMAND, "section", "--sample-impacts", "20"], **pipes) as process:
+        process.stdout.close()
+        assert "Traceback" not in process.stderr.read()

@@ -19,13 +19,12 @@ import pytest
 from numba.core.event import Event, EventStatus
 
 import vibroimpact as vi
-from processes import python, until
+from processes import COMMAND, python, until
 from vibroimpact import beside, compiling, progress
 from vibroimpact.execution import threads
 from vibroimpact.execution.threads import worker_count
 from vibroimpact.kernels.shared import deferred, interrupts, machine
 
-COMMAND = [sys.executable, "-m", "vibroimpact"]
 TOLD = re.compile(r"compiling (.+): about (\d+) s, once on this machine")
 
 
@@ -39,6 +38,15 @@ def run(cache, *arguments):
     done = subprocess.run([*COMMAND, *arguments], env=with_cache(cache), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stderr.splitlines()
+
+
+def on_a_terminal(cache, *arguments, **how):
+    """Start a command on a terminal, with kernels in a folder; return it and what it says there."""
+    mine, theirs = pty.openpty()
+    ends = dict.fromkeys(("stdin", "stdout", "stderr"), theirs)
+    process = subprocess.Popen([*COMMAND, *arguments], env=with_cache(cache), **ends, **how)
+    os.close(theirs)
+    return process, mine
 
 
 @pytest.mark.long
@@ -81,13 +89,7 @@ def test_two_processes_may_compile_the_same_at_once(tmp_path):
 @pytest.mark.parametrize("arguments", [("map", "--x", "frequency=1:2:3"), ("simulate",)])
 def test_ctrl_c_while_compiling_ends_the_process(tmp_path, arguments):
     """On a terminal, with the line on the model before; a compiler that is waited for would have ended with 0."""
-    mine, theirs = pty.openpty()
-    process = subprocess.Popen(
-        [*COMMAND, *arguments, "--model", "impact_damper"],
-        env=with_cache(tmp_path),
-        stdout=theirs, stderr=theirs, stdin=theirs, start_new_session=True,
-    )  # fmt: skip
-    os.close(theirs)
+    process, mine = on_a_terminal(tmp_path, *arguments, "--model", "impact_damper", start_new_session=True)
     said = ""
     while "once on this machine" not in said:
         said += os.read(mine, 4096).decode()
@@ -107,10 +109,7 @@ def processor_time(process):
 @pytest.mark.parametrize("arguments", [("simulate",), ("explore", "--no-browser", "--model", "tube_in_supports")])
 def test_nothing_is_silent_on_a_terminal(tmp_path, arguments):
     """Never for a second of its processor time, with an empty cache: a busy machine may show it later, not it less."""
-    mine, theirs = pty.openpty()
-    where = with_cache(tmp_path)
-    process = subprocess.Popen([*COMMAND, *arguments], env=where, stdout=theirs, stderr=theirs, stdin=theirs)
-    os.close(theirs)
+    process, mine = on_a_terminal(tmp_path, *arguments)
     said, times = "", [0.0]
     with contextlib.suppress(OSError):  # at the end of what it says
         while "http://" not in said:
