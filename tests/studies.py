@@ -11,9 +11,9 @@ def growing(v):
     return 0.5 + 0.3 * v / (1.0 + v)
 
 
-def ball():
-    """Return a ball that falls onto a stop which obeys a law of restitution."""
-    stop = vi.Stop(direction=1.0, gap=0.0, restitution=growing)
+def ball(law=growing):
+    """Return a ball that falls at 3 m/s^2 onto a stop which obeys a law of restitution."""
+    stop = vi.Stop(direction=1.0, gap=0.0, restitution=law)
     return vi.ImpactSystem(mass=2.0, stiffness=0.0, force=vi.Force(omega=0.7, constant=6.0), stops=[stop])
 
 

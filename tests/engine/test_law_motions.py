@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 import vibroimpact as vi
 from differences import derivative
+from studies import ball, growing
 from systems import a_random_system, chain, linear, two_masses
 from vibroimpact.contact import hunt_crossley, kelvin_voigt, law_of, piecewise
 from vibroimpact.dataset import model_of
@@ -26,21 +27,7 @@ def power(v):
     return 1.0 - 0.5 * min(v, 1.0) ** 0.2
 
 
-def growing(v):
-    return 0.5 + 0.3 * v / (1.0 + v)
-
-
 LAWS = [HUNT, piecewise([0.05, 0.3, 1.0, 2.5], [0.9, 0.8, 0.5, 0.45]), law_of(power), law_of(growing)]
-
-
-def ball(r, **changes):
-    """Return a free mass that a constant force presses on a stop, a = 3 m/s^2."""
-    arguments = {
-        "mass": 2.0,
-        "force": vi.Force(omega=0.7, constant=6.0),
-        "stops": [vi.Stop(direction=1.0, gap=0.0, restitution=r)],
-    }
-    return vi.ImpactSystem(**{**arguments, "stiffness": 0.0} | changes)
 
 
 def dropped(system, speed, number):
