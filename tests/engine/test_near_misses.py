@@ -73,6 +73,33 @@ def test_a_dip_between_two_looks_is_seen():
             assert trough(a, 1.0, True, np.inf, 0.0) == pytest.approx((found(place), place), abs=1e-9)
 
 
+def test_a_dip_is_found_to_rounding_where_the_rate_falls_before_it_rises():
+    """The rate is zero just before a quarter of the way, falls, and rises through zero later in that quarter."""
+    for low in (0.0, 0.25, 0.5, 0.75):
+        for before in 10.0 ** np.arange(-12.0, -1.0):
+            for high in low + np.linspace(0.02, 0.24, 12):
+                rate = np.polynomial.Polynomial.fromroots([low - before, high]) * np.polynomial.Polynomial([1.0, -0.3])
+                found = rate.integ(k=[1.0])
+                a = tuple(np.pad(found.coef, (0, SIZE - len(found.coef))))
+                assert trough(a, 1.0, True, np.inf, 0.0) == pytest.approx((found(high), high), abs=1e-12)
+
+
+def test_a_least_clearance_just_before_a_greatest_one_is_seen(way):
+    """Between them the rate is above zero for a hundredth of a period only, within one look."""
+    osc = vi.ImpactOscillator(
+        mass=1.1546134206394105,
+        damping=0.0,
+        stiffness=2.215647720813994,
+        amplitude=0.9984182889802913,
+        omega=0.4612733417411939,
+        restitution=0.30724307119423255,
+        gap=0.03659073740331492,
+    )
+    indices = way.indices(osc, transient=300, sample=50)
+    assert (indices["n_periods"], indices["n_impacts"]) == (1, -1)
+    assert indices["grazing_margin"] == pytest.approx(0.0748328522390, abs=1e-9)
+
+
 def test_the_closest_miss_is_the_least_clearance_between_impacts():
     """That of the oscillator, and of densely sampled motions of a system, stop by stop."""
     omega = np.linspace(0.4, 2.9, 60)

@@ -271,20 +271,25 @@ def _least_in_step(motion, k, x, below):
     # Neither where the rate keeps its sign, nor where the gap stays above u + min(p, 0) x - change x/2.
     if abs(motion.p) > change or motion.u + (min(motion.p, 0.0) - 0.5 * change) * x > below:
         return least
-    before = motion.p
+    before, slope = motion.p, acceleration(motion.u, motion.p, motion.s, k)
     for piece in range(PIECES):
         low, high = x * piece / PIECES, x * (piece + 1.0) / PIECES
-        after = evaluate(a, high)[1]
-        if before < 0.0 and after > 0.0:
-            at = low + (high - low) * before / (before - after)
+        after, later = _rate(motion, a, k, high)
+        first, last = before, after
+        if before * after > 0.0 and before * slope < 0.0 and after * later > 0.0:  # it comes nearer to zero between
+            turn = _turn(motion, a, k, low, high, slope)
+            if before < 0.0:
+                high, last = turn, evaluate(a, turn)[1]
+            else:
+                low, first = turn, evaluate(a, turn)[1]
+        if first < 0.0 and last > 0.0:
+            at = low + (high - low) * first / (first - last)
             for _ in range(60):
-                value, rate = evaluate(a, at)
+                rate, curvature = _rate(motion, a, k, at)
                 if rate > 0.0:
                     high = at
                 else:
                     low = at
-                s, _ = rotate(motion.s, motion.c, k.th * at)
-                curvature = acceleration(value, rate, s, k)
                 better = at - rate / curvature if curvature > 0.0 else 0.5 * (low + high)
                 if not low <= better <= high:
                     better = 0.5 * (low + high)
@@ -292,5 +297,24 @@ def _least_in_step(motion, k, x, below):
                     break
                 at = better
             least = min(least, evaluate(a, at)[0])
-        before = after
+        before, slope = after, later
     return least
+
+
+@inner
+def _rate(motion, a, k, x):
+    """Return the rate of the gap within a step, and its slope."""
+    u, p = evaluate(a, x)
+    return p, acceleration(u, p, rotate(motion.s, motion.c, k.th * x)[0], k)
+
+
+@inner
+def _turn(motion, a, k, low, high, slope):
+    """Return where the rate turns between two places at which its slope has different signs."""
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        if _rate(motion, a, k, middle)[1] * slope > 0.0:
+            low = middle
+        else:
+            high = middle
+    return low

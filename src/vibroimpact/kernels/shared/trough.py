@@ -7,20 +7,22 @@ from vibroimpact.kernels.shared.series import rates, valued
 from vibroimpact.kernels.shared.vectors import anywhere, select
 
 PARTS = 4  # of a way, at whose ends the sign of the rate is compared
+STEPS = 10  # of Newton's method
 
 
 @inner
-def _zero(a, wanted, low, high, y0, y1):
-    """Return the zero of a polynomial between points where its values differ in sign, by the Illinois method."""
-    sign = select(y0 < 0.0, 1.0, -1.0)
-    y0, y1, side, x = select(wanted, sign * y0, -1.0), select(wanted, sign * y1, 1.0), 0.0 * y1, low
-    for _ in range(8):
-        x = low - y0 * (high - low) / (y1 - y0)
-        y, _ = valued(a, x)
+def _zero(a, low, high, y0):
+    """Return the zero of a polynomial between points where its values, the first of which is y0, differ in sign.
+
+    It may fall before it rises there: Newton's steps that lead out of what is left of the way halve it instead.
+    """
+    sign, x = select(y0 < 0.0, 1.0, -1.0), 0.5 * (low + high)
+    for _ in range(STEPS):
+        y, slope = valued(a, x)
         beyond = sign * y > 0.0
-        y0 = select(beyond, select(side > 0.0, 0.5 * y0, y0), sign * y)
-        y1 = select(beyond, sign * y, select(side < 0.0, 0.5 * y1, y1))
-        low, high, side = select(beyond, low, x), select(beyond, x, high), select(beyond, 1.0, -1.0)
+        low, high = select(beyond, low, x), select(beyond, x, high)
+        nearer = x - y / slope
+        x = select((nearer >= low) & (nearer <= high), nearer, 0.5 * (low + high))
     return x
 
 
@@ -40,14 +42,14 @@ def trough(a, end, flown, least, place):
         rises = flown & (p0 < 0.0) & (p1 > 0.0)
         nears = flown & (p0 * p1 > 0.0) & (p0 * slope < 0.0) & (p1 * slope1 > 0.0)
         if anywhere(nears):
-            x = _zero(rates(c), nears, low, high, slope, slope1)
+            x = _zero(rates(c), low, high, slope)
             p, _ = valued(c, x)
             before, dips = nears & (p0 < 0.0) & (p > 0.0), nears & (p0 > 0.0) & (p < 0.0)
             high, p1 = select(before, x, high), select(before, p, p1)
             low, p0 = select(dips, x, low), select(dips, p, p0)
             rises = rises | before | dips
         if anywhere(rises):
-            x = _zero(c, rises, low, high, p0, p1)
+            x = _zero(c, low, high, p0)
             y, _ = valued(a, x)
             place, least = select(rises & (y < least), x, place), select(rises & (y < least), y, least)
     return least, place
