@@ -267,3 +267,45 @@ def test_a_stopped_curve_keeps_what_was_found_and_says_where_that_is_nothing(gap
         with pytest.raises(ValueError, match="stopped by `progress` before a motion was found"):
             vi.response_curve(design, omega=(0.9, 3.0), progress=stop)
     assert len(calls) <= 2
+
+
+def grazes_of(curve):
+    """Return where the parts without contact begin and end within the range, which is where the motion grazes."""
+    ends = np.array([part[[0, -1]] for part in curve.steady]).ravel()
+    return ends[(ends > curve.arguments["range"][0]) & (ends < curve.arguments["range"][1])]
+
+
+def test_a_narrow_part_without_contact_parts_the_curve():
+    """At an antiresonance the mass in front of the stop hardly moves: between two values of the grid it keeps clear."""
+    springs, gap = np.array([[2.0, -1.0], [-1.0, 1.0]]), 0.002
+    stop = vi.Stop(direction=[1, 0], gap=gap, stiffness=5.0, damping=0.1)
+    pair = vi.ImpactSystem(
+        mass=np.eye(2),
+        stiffness=springs,
+        damping=1e-3 * springs,
+        force=vi.Force(omega=1.0, harmonics={1: [1.0, 0.0]}),
+        stops=[stop],
+    )
+    curve = vi.response_curve(pair, of=0, omega=(0.7, 1.52))
+    low, high = grazes_of(curve)
+    assert low < 1.0 < high < low + 0.002
+    for omega in (low, high):
+        dynamic = springs * (1.0 + 1e-3j * omega) - omega**2 * np.eye(2)
+        assert abs(np.linalg.solve(dynamic, [1.0, 0.0])[0]) == pytest.approx(gap, rel=1e-9)
+    assert sorted(np.sort(branch.values[[0, -1]]).tolist() for branch in curve.branches) == [
+        pytest.approx([0.7, low], rel=1e-9),
+        pytest.approx([high, 1.52], rel=1e-9),
+    ]
+
+
+@pytest.mark.parametrize("lowest", [0.895, 0.995], ids=["in the range", "between its first two values"])
+@pytest.mark.parametrize("gap", [1.0007, 1.0012])
+def test_a_shallow_touch_is_one_branch_wherever_the_range_begins(gap, lowest):
+    """The amplitude at resonance exceeds the gap by a thousandth."""
+    stop, force = vi.Stop(direction=1.0, gap=gap, stiffness=1.0), vi.Force(omega=1.0, harmonics={1: 0.1})
+    one = vi.ImpactSystem(mass=1.0, stiffness=1.0, damping=0.1, force=force, stops=[stop])
+    curve = vi.response_curve(one, omega=(lowest, 1.5))
+    (branch,) = curve.branches
+    grazes = grazes_of(curve)
+    assert 0.1 / abs(1.0 - grazes**2 + 0.1j * grazes) == pytest.approx([gap, gap], rel=1e-9)
+    assert np.sort(branch.values[[0, -1]]) == pytest.approx(grazes, rel=1e-6)

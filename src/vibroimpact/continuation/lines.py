@@ -71,9 +71,11 @@ def ends_on_line(model: Model, parameter: str, range: Range, n: int, report: Rep
 def covered(branch: Floats, value: float, speed: float) -> bool:
     """Whether an orbit is on a branch already followed: between two of its points in parameter and velocity."""
     values, speeds = branch.T
+    jumps = np.abs(np.diff(speeds, prepend=speeds[:1], append=speeds[-1:]))
+    nearby = np.maximum.reduce([jumps[:-2], jumps[1:-1], jumps[2:]])  # at the top of an arch neighbours differ little
     around = np.flatnonzero((values[:-1] - value) * (values[1:] - value) <= 0.0)
     low, high = np.sort([speeds[around], speeds[around + 1]], axis=0)
-    slack = 0.25 * (high - low) + 1e-6 * high
+    slack = 0.25 * nearby[around] + 1e-6 * high
     return bool(((low - slack <= speed) & (speed <= high + slack)).any())
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -173,7 +173,8 @@ def response_curve(
     Notes
     -----
     Motions with more impacts per period, subharmonic and chaotic motions are not part of the curve: where it is
-    unstable, a `bifurcation_diagram` shows what the system does. Branches that are not connected to the curve are
+    unstable, a `bifurcation_diagram` shows what the system does. The motion without contact counts as stable, also
+    without damping, where nearby motions do not settle to it. Branches that are not connected to the curve are
     found if they exist at the middle or at an end of an interval with contact. For accuracy and cost see
     `continue_orbit` and `response_of`.
 
@@ -258,13 +259,17 @@ def _without_contact(system_at: Callable[[float], ImpactSystem], values: Floats)
         return -math.inf if motion is None else float(motion.clearances().min(initial=math.inf))
 
     margins = [margin(value) for value in values.tolist()]
-    for at in range(len(values) - 2, 0, -1):  # a shallow touch between values
-        if 0.0 <= margins[at] <= min(margins[at - 1], margins[at + 1]):
-            lowest = minimize_scalar(margin, bounds=(values[at - 1], values[at + 1]), method="bounded")
-            if lowest.fun < 0.0 and math.isfinite(lowest.fun):
-                place = int(np.searchsorted(values, lowest.x))
-                values = np.insert(values, place, lowest.x)
-                margins.insert(place, float(lowest.fun))
+    for at in range(len(values) - 1, -1, -1):  # a shallow touch between values, or a narrow part without contact
+        around, sign = slice(max(at - 1, 0), at + 2), 1.0 if margins[at] >= 0.0 else -1.0
+        if not sign * margins[at] <= min(sign * beside for beside in margins[around]) < math.inf:
+            continue
+        span = values[around][[0, -1]]
+        signed, close = partial(lambda sign, value: sign * margin(value), sign), 1e-7 * float(np.ptp(span))
+        nearest = minimize_scalar(signed, bounds=span, method="bounded", options={"xatol": close})
+        if -math.inf < nearest.fun < 0.0:
+            place = int(np.searchsorted(values, nearest.x))
+            values = np.insert(values, place, nearest.x)
+            margins.insert(place, sign * float(nearest.fun))
     ends, narrow = [float(values[0])], 1e-14 * (values[-1] - values[0])
     for (low, before), (high, after) in pairwise(zip(values.tolist(), margins, strict=True)):
         if (before >= 0.0) == (after >= 0.0):
