@@ -37,6 +37,7 @@ sweep = vi.bifurcation_diagram(
 )
 vi.plotting.branch_diagram(branches, sweep, ax=left)
 near = min(branches[-1].orbits, key=lambda found: abs(found.value("frequency") - 21.5))
+(near,) = vi.find_orbit(model.replace(frequency=21.5), n_impacts=2, near=near)
 for twin, colour in ((near, "#d55e00"), (near.twin, "#0072b2")):
     hits = zip(twin.velocities, twin.stops, strict=True)
     motion = vi.simulate(
