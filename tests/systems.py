@@ -243,6 +243,7 @@ def difference(seed, model, q, speed, most=20):
         if model.stop_names[event.stop] != own["stop"].values[at]:
             return len(sure), np.inf, f"stop of impact {at}"
         over = model.stops[event.stop].compliant and at not in pushing.values()
+        over = over and event.time + event.exit_time <= trajectory.impacts[number - 1].time  # by impacts compared
         for name in scales if over else ("time", "velocity"):
             wrong = abs(getattr(event, name) - own[name].values[at]) / scales[name] / growth[at]
             worst = max(worst, (wrong if wrong == wrong else np.inf, f"{name} of impact {at}"))
