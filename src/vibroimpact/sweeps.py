@@ -145,8 +145,9 @@ def parameter_map(
     Each cell's numbers are bit for bit the same on every grid, tile and thread. `impacts_per_period` is exactly p/n if
     a cycle of n periods and p impacts closed. If a cycle is certain (a stable Jacobian, within 1e-10 of the velocity
     scale of the periodic orbit, at most 4096 impacts), the exponent, dissipation, rest and margin are those of the
-    cycle, and the exponent is ln of the spectral radius divided by the cycle's duration. The error of other exponents
-    and dissipations is of the order of one over the number of impacts, that of other margins 1e-5 of the motion's size;
+    cycle, and the exponent is ln of the spectral radius divided by the cycle's duration; for systems, dissipation is an
+    average over the impacts kept, and exponent and margin are those of these where they span less than a cycle. The
+    error of other exponents and dissipations is of the order of one over the number of impacts, that of other margins 1e-5 of the motion's size;
     without load and loss, perturbations grow in proportion to time, and N impacts give exponents of about ln(N)/N per
     impact in place of 0; ripples of the gap shorter than half a radian of the fastest rate are missed. Displacements
     are followed after the impacts until the state at the end of a driving period returns within 1e-9 of the velocity
