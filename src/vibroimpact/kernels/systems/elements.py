@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.shared.series import slipped
-from vibroimpact.kernels.shared.vectors import get, no
+from vibroimpact.kernels.shared.vectors import get
 
 # How a stop is left: its clearance begins with no zero, a single one (just struck), a double one (from rest) or a
 # triple one (let go); or it is closed, held by a force above zero or by one that begins there. Where a zero has a
@@ -37,12 +37,6 @@ def is_compliant(rows, z, k, wide):
 def pushes(rows, z, k, wide):
     """Return whether a compliant stop is pushed in, and pushes."""
     return is_compliant(rows, z, k, wide) & (get(rows, k.kind + z, wide) >= CLOSED)
-
-
-@inner(forceinline=True)
-def holds(rows, z, k, wide):
-    """Return whether a rigid stop is closed, and holds what rests at it."""
-    return no(is_compliant(rows, z, k, wide)) & (get(rows, k.kind + z, wide) >= CLOSED)
 
 
 @inner(forceinline=True)

@@ -253,7 +253,7 @@ def stop_moves(rows, z, sine, cosine, k, wide):
 
 @inner(forceinline=True)
 def stands(rows, z, sine, cosine, k, wide):
-    """Return a clearance, its rate, and the sum of the lengths that it is made of."""
+    """Return a clearance, its rate, the sum of the lengths that it is made of, and below what it is contact."""
     u, w = stop_moves(rows, z, sine, cosine, k, wide)
     size = abs(get(rows, k.gap + z, wide))
     for j in range(k.modes):
@@ -261,13 +261,7 @@ def stands(rows, z, sine, cosine, k, wide):
         moved = alpha * get(rows, k.eta + j, wide)
         u, size = u - moved, size + abs(moved)
         w = w - alpha * get(rows, k.rate + j, wide)
-    return u, w, size
-
-
-@inner(forceinline=True)
-def clear(rows, size, k, wide):
-    """Return the clearance, the sum of lengths of that size, above which a stop is not touched."""
-    return TOUCH * size + NOWHERE * get(rows, k.speed, wide)
+    return u, w, size, TOUCH * size + NOWHERE * get(rows, k.speed, wide)
 
 
 @inner(forceinline=True)

@@ -32,7 +32,7 @@ from vibroimpact.kernels.shared.deferred import deferred
 from vibroimpact.kernels.shared.machine import rare
 from vibroimpact.kernels.shared.series import DEGREE
 from vibroimpact.kernels.systems.elements import pushes
-from vibroimpact.kernels.systems.flow import clear, stands
+from vibroimpact.kernels.systems.flow import stands
 from vibroimpact.kernels.systems.form import (
     DRIFTS,
     GONE,
@@ -74,8 +74,8 @@ def _idle(rows, k):
     derive(rows, k, DEGREE)
     rows[k.pace] = pace
     for z in range(k.stops):
-        u, _, size = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
-        if pushes(rows, z, k, None) or is_pressed(rows, z, k) or u > clear(rows, size, k, None):
+        u, _, _, near = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
+        if pushes(rows, z, k, None) or is_pressed(rows, z, k) or u > near:
             continue
         _, value, _ = first(rows, z, k, 1, 1.0, 0.0)
         idle |= int(value == 0.0) << z

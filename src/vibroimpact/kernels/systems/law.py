@@ -29,8 +29,8 @@ from vibroimpact.kernels.shared.complementarity import ROUNDING, complementary
 from vibroimpact.kernels.shared.deferred import deferred
 from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.shared.vectors import anywhere, get, no, put, select
-from vibroimpact.kernels.systems.elements import OPEN, RELEASED, STRUCK, holds, is_compliant
-from vibroimpact.kernels.systems.flow import clear, stands, turns
+from vibroimpact.kernels.systems.elements import CLOSED, OPEN, RELEASED, STRUCK, is_compliant
+from vibroimpact.kernels.systems.flow import stands, turns
 from vibroimpact.kernels.systems.layout import CONTACT
 from vibroimpact.kernels.systems.push import attend
 from vibroimpact.kernels.systems.reach import in_reach
@@ -52,8 +52,8 @@ def begin(rows, k, room):
         if touching >> z & 1 and abs(room.rate[z]) <= least:
             members |= 1 << z
         if is_compliant(rows, z, k, None) and room.rate[z] < -least:
-            u, _, reach = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
-            ahead |= int(abs(u) <= clear(rows, reach, k, None)) << z
+            u, _, _, near = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
+            ahead |= int(abs(u) <= near) << z
     closing = settle(rows, k, room, members) if members else 0
     return closing | attend(rows, k, room, ahead)[1] if k.compliant else closing
 
@@ -93,7 +93,7 @@ def closed(rows, k):
     """Return the set of rigid stops that are closed."""
     members = int(0.0)
     for z in range(k.stops):
-        if holds(rows, z, k, None):
+        if rows[k.kind + z] >= CLOSED and not is_compliant(rows, z, k, None):
             members |= 1 << z
     return members
 
@@ -122,14 +122,14 @@ def bounce(rows, k, wide):
         if not anywhere(in_reach(rows, y, k, wide)):
             continue
         at_y, inverse = which == float(y), 0.0 * which
-        u, w, size = stands(rows, y, get(rows, k.turn, wide), get(rows, k.turn + 1, wide), k, wide)
+        u, w, _, near = stands(rows, y, get(rows, k.turn, wide), get(rows, k.turn + 1, wide), k, wide)
         for j in range(n):
             inverse = inverse + get(rows, k.alpha + y * n + j, wide) * get(rows, k.jump + y * n + j, wide)
         rate, gram = select(at_y, w, rate), select(at_y, inverse, gram)
         r = select(at_y & (get(rows, k.law + y, wide) <= 0.0), get(rows, k.restitution + y, wide), r)
         if k.compliant:
             at_y = at_y & no(is_compliant(rows, y, k, wide))
-        usual = usual & (at_y | (u > clear(rows, size, k, wide)))
+        usual = usual & (at_y | (u > near))
     usual = usual & (r > 0.0) & (-rate >= get(rows, k.cut, wide))
     impulse = select(usual, -(1.0 + r) * rate / gram, 0.0)
     for y in range(k.stops):

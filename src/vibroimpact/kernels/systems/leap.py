@@ -46,7 +46,7 @@ from vibroimpact.kernels.shared.deferred import deferred
 from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.shared.vectors import anywhere, fma, get, most, no, put, select
 from vibroimpact.kernels.systems.elements import CLOSED, OPEN, STRUCK
-from vibroimpact.kernels.systems.flow import clear, move, stands, stop_moves, turns
+from vibroimpact.kernels.systems.flow import move, stands, stop_moves, turns
 from vibroimpact.kernels.systems.push import account, drain
 from vibroimpact.kernels.systems.reach import SPAN, in_reach
 from vibroimpact.kernels.systems.step import fly, miss
@@ -276,9 +276,9 @@ def leap_within(rows, k, wide):
         z, length, first = number // 2, WITHIN[number % 2], k.within + number * (k.flow + 3)
         s, c = get(rows, k.turn, wide), get(rows, k.turn + 1, wide)
         last, least = first + k.flow, get(rows, first + k.flow + 2, wide)
-        kind, (u, w, size) = get(rows, k.kind + z, wide), stands(rows, z, s, c, k, wide)
+        kind, (u, w, _, near) = get(rows, k.kind + z, wide), stands(rows, z, s, c, k, wide)
         certain = begun & (kind >= CLOSED) & (-w > least) & (-w >= get(rows, k.cut, wide))
-        certain = certain & (abs(u) <= clear(rows, size, k, wide))
+        certain = certain & (abs(u) <= near)
         if not anywhere(certain):
             continue
         if k.forceful or k.draining or k.wary:

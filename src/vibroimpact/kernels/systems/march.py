@@ -12,7 +12,7 @@ from vibroimpact.kernels.leaps import TURN
 from vibroimpact.kernels.shared.deferred import deferred
 from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.shared.vectors import anywhere, fma, get, put, select
-from vibroimpact.kernels.systems.elements import CLOSED, holds, is_compliant
+from vibroimpact.kernels.systems.elements import CLOSED, is_compliant
 from vibroimpact.kernels.systems.lasting import lasting
 from vibroimpact.kernels.systems.law import release, stalled, strike
 from vibroimpact.kernels.systems.layout import CONTACT
@@ -177,7 +177,7 @@ def note_rests(rows, k, room, note, before, closing, recorded):
     periods, phase = moment(rows[k.turn], rows[k.turn + 1], rows[k.turn + 2])
     now, any_tail, closed = periods + phase, math.inf, int(0.0)
     for y in range(k.stops):
-        if holds(rows, y, k, None):
+        if rows[k.kind + y] >= CLOSED and not is_compliant(rows, y, k, None):
             closed |= 1 << y
             any_tail = min(any_tail, room.tail[y] if closing >> y & 1 else 0.0)
     for y in range(k.stops + 1):

@@ -42,7 +42,7 @@ from vibroimpact.kernels.systems.elements import (
     is_compliant,
     quickens,
 )
-from vibroimpact.kernels.systems.flow import clear, clearances, stands, turns
+from vibroimpact.kernels.systems.flow import clearances, stands, turns
 from vibroimpact.kernels.systems.layout import NOTHING
 from vibroimpact.kernels.systems.rest import derivative, derive, measure, settle, size_of
 
@@ -141,7 +141,7 @@ def set_free(rows, k, wide):
         leaving = get(rows, k.leaving + z, wide)
         if not anywhere(leaving > 0.0):
             continue
-        u, _, _ = stands(rows, z, sine, cosine, k, wide)
+        u, _, _, _ = stands(rows, z, sine, cosine, k, wide)
         free = (leaving > 0.0) & (u > 0.0)
         put(rows, k.kind + z, wide, select(free, OPEN, get(rows, k.kind + z, wide)))
         put(rows, k.leaving + z, wide, select(free, 0.0, leaving))
@@ -164,8 +164,7 @@ def meet(rows, k, wide, contact):
     speed = hard = thick = 0.0 * which
     for z in range(k.stops):
         at_z, elsewhere = which == float(z), (which < float(z)) | (which > float(z))
-        u, w, size = stands(rows, z, sine, cosine, k, wide)
-        least = clear(rows, size, k, wide)
+        u, w, size, least = stands(rows, z, sine, cosine, k, wide)
         kind, soft, (p, q) = get(rows, k.kind + z, wide), is_compliant(rows, z, k, wide), end_law(rows, z, k, wide)
         first = at_z & soft & (kind < CLOSED) & (-w >= get(rows, k.cut, wide))
         first = first & ((q <= 0.0) | (-q * w > SURE * p * size))
@@ -235,8 +234,7 @@ def _decide(rows, z, k):
     """
     pushed, (p, q) = rows[k.kind + z] >= CLOSED, end_law(rows, z, k, None)
     turns(rows, k, None)
-    u, _, size = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
-    least = clear(rows, size, k, None)
+    u, _, _, least = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
     if u > least:
         if pushed or rows[k.leaving + z] > 0.0:
             rows[k.kind + z], rows[k.leaving + z] = OPEN, 0.0

@@ -9,7 +9,7 @@ from vibroimpact.kernels.shared.deferred import deferred
 from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.shared.series import DEGREE, SIZE
 from vibroimpact.kernels.systems.elements import BALANCED, CLOSED, OPEN, PASSING, RELEASED, RESTING, is_compliant
-from vibroimpact.kernels.systems.flow import clear, fly_together, stands, turns
+from vibroimpact.kernels.systems.flow import fly_together, stands, turns
 from vibroimpact.kernels.systems.reach import in_reach
 
 SHORTENED = 4  # the highest derivative that most decisions take
@@ -24,9 +24,9 @@ def measure(rows, k, room):
         room.rate[z] = 0.0
         if not in_reach(rows, z, k, None):
             continue
-        u, room.rate[z], size = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
+        u, room.rate[z], _, least = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
         open_rigid = rows[k.kind + z] < CLOSED and not is_compliant(rows, z, k, None)
-        if open_rigid and u <= clear(rows, size, k, None):
+        if open_rigid and u <= least:
             touching |= 1 << z
         if touching >> z & 1 or rows[k.kind + z] != OPEN or z == int(rows[k.which]):
             beside |= 1 << z

@@ -22,7 +22,7 @@ from vibroimpact.kernels.cycle import UNRESOLVED
 from vibroimpact.kernels.shared.complementarity import solve
 from vibroimpact.kernels.shared.machine import inner, whole
 from vibroimpact.kernels.shared.vectors import anywhere, fma, get, no, put, select
-from vibroimpact.kernels.systems.elements import force_law, holds, parts_abruptly, pushes
+from vibroimpact.kernels.systems.elements import CLOSED, force_law, is_compliant, parts_abruptly
 from vibroimpact.kernels.systems.flow import stands
 from vibroimpact.kernels.systems.layout import CONTACT
 from vibroimpact.kernels.systems.march import (
@@ -76,9 +76,9 @@ def accelerate(rows, k, acceleration):
         for i in range(n):
             acceleration[j] -= rows[k.damping + j * n + i] * rows[k.rate + i]
     for z in range(s if k.compliant else 0):
-        if pushes(rows, z, k, None):
+        if rows[k.kind + z] >= CLOSED and is_compliant(rows, z, k, None):
             p, q = force_law(rows, z, k, None)
-            u, w, _ = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
+            u, w, _, _ = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
             for j in range(n):
                 acceleration[j] += rows[k.jump + z * n + j] * (p * u + q * w)
     if rows[k.closed] == 0.0:
@@ -114,7 +114,7 @@ def cross(rows, k, room, z, v):
         du -= rows[k.alpha + z * n + j] * rows[k.deta + j]
     dt = du / v
     for y in range(s):
-        held = holds(rows, y, k, None) and room.speed[y] == 0.0
+        held = rows[k.kind + y] >= CLOSED and not is_compliant(rows, y, k, None) and room.speed[y] == 0.0
         if held or room.impulse[y] > 0.0:
             active |= 1 << y
         dw = 0.0 if held else _load(rows, k.motion + 2 * k.harmonics * y, 0.0, 2, k, None) * dt

@@ -178,7 +178,7 @@ def _conclude(rows, k, record, lane):
                     before = now - rows[k.pushed + z]
                 row[4] += rows[k.thrust + z]
                 row[7], row[9] = row[7] + rows[k.pushed + z], row[9] + rows[k.work + z]
-                _, rate, _ = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
+                _, rate, _, _ = stands(rows, z, rows[k.turn], rows[k.turn + 1], k, None)
                 row[10], row[11] = before + rows[k.pushed + z], rate
                 for at, then, largest, time in ((6, 12, k.peak, k.peaked), (8, 13, k.depth, k.deepest)):
                     if rows[largest + z] > row[at]:
