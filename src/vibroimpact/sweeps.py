@@ -147,14 +147,14 @@ def parameter_map(
     scale of the periodic orbit, at most 4096 impacts), the exponent, dissipation, rest and margin are those of the
     cycle, and the exponent is ln of the spectral radius divided by the cycle's duration; for systems, dissipation is an
     average over the impacts kept, and exponent and margin are those of these where they span less than a cycle. The
-    error of other exponents and dissipations is of the order of one over the number of impacts, that of other margins 1e-5 of the motion's size;
-    without load and loss, perturbations grow in proportion to time, and N impacts give exponents of about ln(N)/N per
-    impact in place of 0; ripples of the gap shorter than half a radian of the fastest rate are missed. Displacements
-    are followed after the impacts until the state at the end of a driving period returns within 1e-9 of the velocity
-    scale, then over exactly one cycle: extremes to rounding, integrals to 1e-12. A motion that does not return within
-    63 periods is measured over these, which is an estimate. If a motion without contact settles by damping, the settled
-    motion is measured. Time: about 0.1 microseconds per impact and core; over the paper's maps, closing leaves one
-    sixth of the impacts to compute.
+    error of other exponents and dissipations is of the order of one over the number of impacts, that of other margins
+    1e-5 of the motion's size; without load and loss, perturbations grow in proportion to time, and N impacts give
+    exponents of about ln(N)/N per impact in place of 0; ripples of the gap shorter than half a radian of the fastest
+    rate are missed. Displacements are followed after the impacts until the state at the end of a driving period returns
+    within 1e-9 of the velocity scale, then over exactly one cycle: extremes to rounding, integrals to 1e-12. A motion
+    that does not return within 63 periods is measured over these, which is an estimate. If a motion without contact
+    settles by damping, the settled motion is measured. Time: about 0.1 microseconds per impact and core; over the
+    paper's maps, closing leaves one sixth of the impacts to compute.
 
     References
     ----------
