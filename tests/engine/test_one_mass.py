@@ -2,6 +2,7 @@
 
 import math
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -10,6 +11,7 @@ from codes import Witness
 from systems import impacts, one_mass
 from vibroimpact.backends import one_mass as engine
 from vibroimpact.indices import DISPLACEMENTS, INDICES
+from vibroimpact.kernels.shared.contact import root_at_least
 
 
 def a_machine(seed, settled=False):
@@ -286,3 +288,38 @@ def test_the_witness_finds_the_attractors_and_basins_of_one_mass_written_as_a_sy
     plane = {"phase": [0.1, 0.6], "velocity": [1.0]}
     ours, witnessed = (vi.basins(model, **plane, **few, backend=name) for name in ("cpu", "reference"))
     assert ours["attractor"].equals(witnessed["attractor"])
+
+
+@pytest.mark.parametrize("engine", ["engine of one mass", "engine of systems"])
+def test_a_mass_that_leaves_its_stop_from_a_rounding_away_comes_back_to_it(request, engine):
+    """Its first contact is that of the mass which leaves the stop itself."""
+    if engine == "engine of systems":
+        request.getfixturevalue("modal_engine")
+    rng = np.random.default_rng(4003)
+    for _ in range(40):
+        osc = vi.ImpactOscillator(
+            amplitude=rng.uniform(0.5, 2.0), omega=rng.uniform(0.3, 3.0), gap=rng.uniform(-0.2, 0.6)
+        )
+        speed, time = rng.uniform(0.05, 2.0), rng.uniform(0.0, osc.period)
+        firsts = []
+        for away in (0.0, 1e-17, 3e-17, 1e-16, 1e-15, 1e-13, 1e-10):
+            motion = vi.simulate(osc, start=vi.State(osc.gap - away, -speed, time), periods=2, samples_per_period=50)
+            assert motion["displacement"].max() <= osc.gap + 1e-12
+            firsts.append(float(motion["impact_time"][0]))
+        assert firsts == pytest.approx([firsts[0]] * len(firsts), rel=1e-9, abs=1e-7)
+
+
+def test_no_root_is_passed_however_small_the_beginning_of_a_polynomial_is():
+    """A bound of the smallest positive root, sharp for a quadratic."""
+    rng = np.random.default_rng(4004)
+    for _ in range(3000):
+        q0, q1, q2 = 10.0 ** rng.uniform(-20.0, 0.0), rng.uniform(-3.0, 3.0), rng.uniform(-8.0, 3.0)
+        first = float(min((x for x in _roots(q0, q1, q2) if 0.0 < x <= 1.0), default=1.0))
+        assert root_at_least(q0, q1, q2, 0.0, 1.0) == pytest.approx(first, rel=1e-11)
+
+
+def _roots(q0, q1, q2):
+    """Return the real roots of a quadratic, with 50 digits."""
+    with mpmath.workdps(50):
+        inside = mpmath.mpf(q1) ** 2 - 4 * mpmath.mpf(q0) * q2
+        return [] if inside < 0 else [(-q1 + sign * mpmath.sqrt(inside)) / (2 * mpmath.mpf(q2)) for sign in (1, -1)]

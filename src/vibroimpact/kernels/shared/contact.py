@@ -15,6 +15,8 @@ import math
 from vibroimpact.kernels.shared.machine import inner
 from vibroimpact.kernels.shared.vectors import fma, select
 
+CANCELS = 1e-3  # of a coefficient: a difference so small has lost digits
+
 
 @inner(forceinline=True)
 def negative_part(a):
@@ -31,8 +33,10 @@ def root_at_least(q0, q1, q2, cubic, X):
     linear = select(tangent, q1 - slope, q1)
     square = fma(select(tangent, 2.0 * cubic, negative_part(cubic)), X, q2)
     discriminant = fma(linear, linear, -4.0 * q0 * square)
-    denominator = math.sqrt(select(discriminant > 0.0, discriminant, 0.0)) - linear
-    x = select((discriminant >= 0.0) & (denominator > 0.0), 2.0 * q0 / denominator, X)
+    root = math.sqrt(select(discriminant > 0.0, discriminant, 0.0))
+    cancels = root - linear < CANCELS * linear  # q0 is small, and the gap grows at first: the sum keeps its digits
+    above, below = select(cancels, root + linear, 2.0 * q0), select(cancels, -2.0 * square, root - linear)
+    x = select((discriminant >= 0.0) & (below > 0.0), above / below, X)
     return select(x < X, x, X)
 
 
