@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -78,19 +77,16 @@ def recognise(section: xr.Dataset, *, tolerance: float = 1e-6, longest: int = 64
     """
     _check(section, tolerance, longest)
     model: Any = model_of(section)
-    status, limits = Status(int(section["status"])), {"tolerance": tolerance, "longest": longest}
+    status = Status(int(section["status"]))
     time, phase, velocity, releases = (section[name].values for name in ("time", "phase", "velocity", "release_time"))
     if model.forgets:
-        return motion_of_impacts(model, status, (time, phase, velocity), releases, limits)
-    return _named(status, _by_states(section, model, **limits), phase, velocity)
+        impacts = time, phase, velocity
+        return motion_of_impacts(model, status, impacts, releases, tolerance=tolerance, longest=longest)
+    return _named(status, _by_states(section, model, tolerance=tolerance, longest=longest), phase, velocity)
 
 
 def motion_of_impacts(
-    osc: ImpactOscillator,
-    status: Status,
-    impacts: tuple[Floats, Floats, Floats],
-    releases: Floats,
-    limits: Mapping[str, Any] = MappingProxyType({}),
+    osc: ImpactOscillator, status: Status, impacts: tuple[Floats, Floats, Floats], releases: Floats, **limits: Any
 ) -> Motion:
     """Return the motion of one mass as `recognise` does: from times in s, phases and velocities of settled impacts.
 
